@@ -48,7 +48,7 @@ dfd::Features features_of(const Array& array, std::size_t vertex_count, float sc
     return {Layout::bytes, array.data(), vertex_count, 4 * (array.shape(1) - 1), scale};
 }
 
-// Handles or fixed points: float32 rows (N, D), or int64 vertices (N), copied because other threads may change them.
+// Handles or fixed points: feature rows (N, D), or vertex indices (N), copied in case another thread changes them.
 struct OwnedPoints {
     std::vector<std::int64_t> vertices;
     dfd::Points points;
@@ -114,8 +114,8 @@ void init_bind(nb::module_& m)
           "falloffs"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
           "strengths"_a.noconvert().none(), "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(),
           "out"_a.noconvert(), "threads"_a,
-          "Write the weights (V, H) of Eq. 4-7 to `out`. The points `handles` are vertex indices (N) or feature rows "
-          "(N, D); handle h consists of `members[h]` consecutive points. `features` are float32 rows (V, D), or "
-          "blocks of 16 vertices: float16 bits (B, D, 16), or uint8 (B, D / 4 + 1, 16, 4). A byte b is the feature "
-          "entry (b - 128) * scale; the last four bytes of a vertex are its squared length as int32.");
+          "Write the weights (V, H) of Eq. 4-7 to `out`. `handles` are N points, as vertex indices (N) or feature rows "
+          "(N, D). Handle h consists of `members[h]` consecutive points. `features` are float32 rows (V, D), or "
+          "blocks of 16 vertices: float16 bits (B, D, 16), or uint8 (B, D / 4 + 1, 16, 4). A byte b stands for the "
+          "feature entry (b - 128) * scale. The last four bytes of a vertex are its squared length as int32.");
 }

@@ -22,7 +22,8 @@ void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights
 {
     const std::size_t count = weights.size();
     if (count == 0 || biases.size() != count || gains.size() + 1 != count || shifts.size() + 1 != count)
-        throw std::invalid_argument("Field: every layer must have a bias, and every layer but the last a LayerNorm");
+        throw std::invalid_argument(
+            "Field: every layer must have a bias, and every layer except the last must have a LayerNorm");
     std::vector<dfd::Layer> layers(count);
     for (std::size_t i = 0; i < count; ++i) {
         layers[i].weight = matrix(weights[i]);

@@ -32,7 +32,7 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          "Return the number (V) of each vertex's component. `faces` (F, 3) and `links` (L, 2) connect the vertices.");
+          "Return each vertex's component number, (V). `faces` (F, 3) and `links` (L, 2) connect the vertices.");
     m.def(
         "face_sizes",
         [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {
@@ -51,8 +51,8 @@ void init_geodesics(nb::module_& m)
         },
         "vertices"_a.noconvert(), "centers"_a.noconvert(), "of_vertex"_a.noconvert(), "starts"_a.noconvert(),
         "neighbors"_a.noconvert(), "chosen"_a.noconvert(), "values"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        "Interpolate `values` (N, K) of vertex clusters at the vertices `chosen` (M), and write them to `out` (M, K).");
-    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of faces, and of links between vertices.")
+        "Write `values` (N, K) of vertex clusters, interpolated at the vertices `chosen` (M), to `out` (M, K).");
+    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface that consists of faces and links.")
         .def(
             "__init__",
             [](dfd::Geodesics* self, InputMatrix<double> vertices, Indices faces, Indices links,
@@ -61,7 +61,7 @@ void init_geodesics(nb::module_& m)
                 new (self) dfd::Geodesics(matrix(vertices), matrix(faces), matrix(links), sample_count, threads);
             },
             "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a)
-        .def_prop_ro("extent", &dfd::Geodesics::extent, "Largest distance between connected vertices, approximately.")
+        .def_prop_ro("extent", &dfd::Geodesics::extent, "Approximate largest distance of two connected vertices.")
         .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "Number of surface samples.")
         .def(
             "distances",
@@ -71,6 +71,6 @@ void init_geodesics(nb::module_& m)
                 self.distances(span(sources), separate, matrix(out), threads);
             },
             "sources"_a.noconvert(), "separate"_a, "out"_a.noconvert(), "threads"_a,
-            "Write the distances from the vertices `sources` (H) to the first V vertices, divided by `extent`, to "
-            "`out` (H, V). A vertex that is not connected to the source gets `separate`.");
+            "Write to `out` (H, V) the distances from the vertices `sources` (H) to the first V vertices, in units of "
+            "`extent`. A vertex that is not connected to the source gets `separate`.");
 }

@@ -11,9 +11,9 @@ using namespace nb::literals;
 
 NB_MODULE(_core, m)
 {
-    m.doc() = "Kernels of dfd. They take arrays of one dtype with contiguous rows; `dfd.bind` and `dfd.pose` convert.";
-    nb::set_leak_warnings(false);  // commands exit without garbage collection, which nanobind would report as leaks
-    dfd::kernels();  // throws during the import if this machine does not have the instruction set DFD_ISA
+    m.doc() = "Kernels of dfd, which require exact dtypes and array layouts; `dfd.bind` and `dfd.pose` convert arrays.";
+    nb::set_leak_warnings(false);  // commands exit without garbage collection; the remaining objects are no leaks
+    dfd::kernels();  // throws during the import if this machine lacks the instruction set that DFD_ISA names
     m.def("instruction_set", [] { return dfd::kernels().name; }, "Return the instruction set of the kernels in use.");
     m.def("instruction_sets", &dfd::instruction_sets,
           "Return the instruction sets of the kernels that run on this machine, the slowest first.");

@@ -22,7 +22,7 @@ namespace {
 
 using Transforms = nb::ndarray<const double, nb::shape<-1, 3, 4>, nb::c_contig, nb::device::cpu>;
 using Transform = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;
-using Plane = std::tuple<std::array<double, 3>, double, double>;  // normal, offset, half width of the band
+using Plane = std::tuple<std::array<double, 3>, double, double>;  // unit normal, offset, half width of the blend band
 
 template <class T>
 void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, Transform rest,
@@ -65,7 +65,7 @@ void define_pose(nb::module_& m)
           "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
           "Move `vertices` (V, 3) by `transforms` (H, 3, 4) as in Eq. 1 and 8, and write the result to `out` (V, 3). "
-          "If `mixing` (H, H) is given, `weights` (V, H) are first multiplied by it.");
+          "If `mixing` (H, H) is given, `weights` · `mixing` replaces `weights` (V, H).");
 }
 
 }  // namespace

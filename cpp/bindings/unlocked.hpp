@@ -7,8 +7,8 @@
 #include <chrono>
 #include <thread>
 
-/// Acquires Python's global interpreter lock (GIL) again. While Python shuts down, it ends each thread that waits for
-/// the GIL by unwinding the thread's stack. Our frames cannot be unwound, so the thread sleeps until the process ends.
+/// Acquires Python's global interpreter lock (GIL) again. While Python shuts down, it unwinds the stack of each thread
+/// that waits for the GIL. The frames of dfd cannot be unwound, so the thread then sleeps until the process ends.
 inline void acquire_gil(PyThreadState* state)
 {
     try {
@@ -18,8 +18,8 @@ inline void acquire_gil(PyThreadState* state)
     }
 }
 
-/// Calls `work(poll)` without the GIL. `work` calls `poll` repeatedly. At most every 100 ms, `poll` runs Python's
-/// signal handlers, such as that of Ctrl-C. If a handler raises an exception, `work` stops and the exception is thrown.
+/// Calls `work(poll)` without the GIL. `work` calls `poll` repeatedly. At most once per 100 ms, `poll` runs Python's
+/// signal handlers, such as that of Ctrl-C. If a handler raises an exception, `work` stops, and `unlocked` throws it.
 template <class Work>
 void unlocked(const Work& work)
 {

@@ -14,10 +14,10 @@
 namespace dfd {
 namespace {
 
-// Least number of feature entries for each thread. A thread with fewer entries takes longer to start than to work.
-constexpr std::size_t grain_entries = std::size_t{1} << 19;
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // smaller weight matrices do not bypass the caches
-constexpr std::size_t streamed_columns = 64;                  // column-major matrices with fewer columns do not, either
+// Least number of products of feature entries per thread. With fewer, starting a thread takes longer than its work.
+constexpr std::size_t grain_products = std::size_t{1} << 19;
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // writes of smaller weight matrices use the caches
+constexpr std::size_t streamed_columns = 64;                  // writes of fewer contiguous columns use the caches
 constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance can exceed 32 bits
 
 // Returns the number that the bits of a float16 represent.
@@ -78,7 +78,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // the point then removes no weight
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // so it subtracts no weight
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -134,7 +134,7 @@ private:
 
 std::vector<Power> powers_of(std::span<const float> locality)
 {
-    constexpr float most_products = 8;  // for larger exponents, exp(λ log x) is at least as fast as products
+    constexpr float most_products = 8;  // for an exponent λ above this, exp(λ log x) is at least as fast as products
     std::vector<Power> powers;
     for (const float exponent : locality) {
         const bool whole = exponent <= most_products && exponent == std::floor(exponent);
@@ -154,7 +154,7 @@ struct PointSettings {
         : strengths(constraints.strengths.begin(), constraints.strengths.end()),
           members(handles.members.begin(), handles.members.end())
     {
-        constexpr float largest_inverse = 1e30f;  // an infinite 1 / reach times a distance of 0 would be NaN
+        constexpr float largest_inverse = 1e30f;  // the product of an infinite 1 / reach and 0 would be NaN
         const std::size_t handle_count = handles.handle_count();
         strengths.resize(constraints.fixed.count(), 1);
         members.resize(handle_count, 1);
@@ -164,7 +164,7 @@ struct PointSettings {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` sets their distance to infinity
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` makes these points ineffective
         general |= std::any_of(strengths.begin(), strengths.end(), differs);
         general |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -222,7 +222,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Returns whether weights bypass the caches: at least `streamed_bytes`, as contiguous rows or many aligned columns.
+// Returns whether writes bypass the caches: if the matrix is large and has contiguous rows, or many aligned columns.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;
@@ -231,7 +231,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// Throws unless all distances are in [0, 1], up to a rounding error. The kernels also report -0, which is valid.
+// Throws unless all distances are in [0, 1], up to a rounding error. The kernels also report -0, but it is valid.
 void require_unit_interval(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
@@ -289,12 +289,12 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const Scratch scratch(threads, bind_scratch(features.dimension, handle_count));
     const BindRange bind_range = range_of(kernels, features.layout);
     std::atomic<unsigned> faults = no_fault;
-    const std::size_t entries_per_vertex = features.dimension * (packed.rows.count + 1) + 1;
-    const std::size_t grain = (grain_entries / entries_per_vertex / block_size + 1) * block_size;
+    const std::size_t products_per_vertex = features.dimension * (packed.rows.count + 1) + 1;
+    const std::size_t grain = (grain_products / products_per_vertex / block_size + 1) * block_size;
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // The kernels report features whose squared length is not finite. The length of finite entries can overflow, too.
+    // The kernels report features whose squared length is not finite. It can also overflow if all entries are finite.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},

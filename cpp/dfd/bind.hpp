@@ -14,7 +14,7 @@ struct Features {
     enum class Layout {
         rows,    // (V, D) float, row-major
         halves,  // (B, D, 16) float16: blocks of 16 vertices; the last block is padded
-        bytes,   // (B, D / 4 + 1, 16, 4) uint8: int8 entries + 128; the last four bytes are the squared length, int32
+        bytes,   // (B, D / 4 + 1, 16, 4) uint8: int8 entries + 128; a vertex ends with its squared length, int32
     };
 
     Layout layout = Layout::rows;
@@ -26,8 +26,8 @@ struct Features {
 
 /// Handles or fixed points, given as feature rows or as vertices of the shape.
 struct Points {
-    Matrix<const float> rows = {};                // (N, D) features; for bytes, features / scale: integers within ±127
-    std::span<const float> offsets = {};          // (N) >= 0, added to each row's squared distances; empty for 0
+    Matrix<const float> rows = {};                // (N, D) features; for bytes, integers features / scale, -127 … 127
+    std::span<const float> offsets = {};          // (N) >= 0, each added to its row's squared distances; empty for 0
     std::span<const std::int64_t> vertices = {};  // (N) vertex indices, given instead of `rows`
     std::span<const std::uint32_t> members = {};  // (H) number of consecutive points of each handle; a region has
                                                   // several. Empty if each point is a handle
@@ -54,9 +54,9 @@ struct Constraints {
 /// Computes the weight of each vertex for each handle by Eq. (4-7), in one pass over the features.
 ///
 /// For feature distance d, reach r and falloff f, the weight is first f(max(1 - d / r, 0)). A fixed point of strength s
-/// at feature distance d_p subtracts s max(1 - d_p, 0); only the largest of these numbers is subtracted. The result, at
-/// least 0, is multiplied by (1 - g)^λ for geodesic distance g and locality λ. All bits of a weight are independent of
-/// the number of threads, the index of the vertex and the other handles.
+/// at feature distance d_p has the value s max(1 - d_p, 0). The largest of these values is subtracted, and a negative
+/// result becomes 0. It is then multiplied by (1 - g)^λ, for geodesic distance g and locality λ. All bits of a weight
+/// are independent of the number of threads, the index of the vertex and the other handles.
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if array shapes disagree, a value is not finite, or a region is empty
 /// @throws std::invalid_argument if a distance, exponent, strength, reach or vertex is out of range, or `members` is

@@ -13,7 +13,7 @@ constexpr std::size_t grain_points = 8 * field_points;  // least number of point
 
 std::size_t padded(std::size_t outputs) { return (outputs + field_group - 1) / field_group * field_group; }
 
-/// Returns `weight` (outputs, inputs) rearranged to (groups, inputs, 8). Each group has 8 outputs; zeros fill the last.
+/// Returns `weight` (outputs, inputs) as (groups, inputs, 8). A group has 8 outputs, and zeros fill the last group.
 std::vector<float> grouped(Matrix<const float> weight)
 {
     std::vector<float> result(padded(weight.rows) * weight.columns);
@@ -24,7 +24,7 @@ std::vector<float> grouped(Matrix<const float> weight)
     return result;
 }
 
-/// Returns numbers (outputs) as a matrix (outputs, 1).
+/// Returns `values` (outputs) as a matrix (outputs, 1).
 Matrix<const float> column(std::span<const float> values) { return {values.data(), values.size(), 1}; }
 
 }  // namespace
@@ -42,7 +42,7 @@ Field::Field(std::span<const Layer> layers, std::size_t octaves, std::array<doub
                 "Field: each layer must have as many inputs as the layer before has outputs");
         require(layer.bias.size() == outputs, "Field: `bias` must have an entry for every output");
         require(layer.gain.size() == (last ? 0 : outputs) && layer.shift.size() == layer.gain.size(),
-                "Field: every layer but the last must have a LayerNorm");
+                "Field: every layer except the last must have a LayerNorm");
         const auto keep = [this](Matrix<const float> values) { return memory_.emplace_back(grouped(values)).data(); };
         FieldLayer& kept = layers_.emplace_back();
         kept.inputs = inputs;

@@ -10,12 +10,12 @@
 
 namespace dfd {
 
-/// A layer of the network: a linear map, which in a hidden layer is followed by a ReLU and then a LayerNorm.
+/// A layer of the network: a linear map. In a hidden layer, a ReLU follows, and then a LayerNorm.
 struct Layer {
     Matrix<const float> weight;   // (outputs, inputs)
     std::span<const float> bias;  // (outputs)
-    std::span<const float> gain;  // (outputs) of the LayerNorm; empty for the last layer
-    std::span<const float> shift; // (outputs) of the LayerNorm; empty for the last layer
+    std::span<const float> gain;  // (outputs) gain of the LayerNorm; empty for the last layer
+    std::span<const float> shift; // (outputs) shift of the LayerNorm; empty for the last layer
 };
 
 /// The feature field Φ: a multilayer perceptron from points in space to unit features (paper, supplement L).

@@ -13,8 +13,8 @@ namespace dfd {
 
 namespace {
 
-// Distances from the source, in sample spacings. Up to `near_from`, the distance on the mesh is used. From `near_to`
-// on, the distance interpolated from samples is used. In between, both are blended.
+// Distances from the source, in sample spacings. Below `near_from`, a vertex gets its distance on the mesh. Above
+// `near_to`, it gets the distance interpolated from samples. In between, it gets a blend of both distances.
 constexpr double near_from = 1.5, near_to = 3.0;
 constexpr std::size_t grain = 4096;  // least number of vertices per thread
 
@@ -24,7 +24,7 @@ double smooth_step(double t)
     return t * t * (3 - 2 * t);
 }
 
-/// A pool of `Wave` objects that threads reuse. A `Wave` is a front and the distances that it has reached.
+/// A pool of `Wave` objects that threads reuse. A `Wave` is a front and the distances of the vertices that it reached.
 class Waves {
 public:
     explicit Waves(std::size_t vertex_count) : vertex_count_(vertex_count) {}
@@ -145,7 +145,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns the largest distance of three sweeps per component. Each sweep starts where the previous sweep ended.
+    /// Returns the largest distance of three sweeps per component; each starts at the previous one's farthest vertex.
     double find_extent() const
     {
         constexpr int sweeps = 3;
@@ -206,7 +206,7 @@ void Geodesics::distances(std::span<const std::int64_t> sources, float separate,
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // The threads divide several sources among them. For a single source, they divide the vertices.
+    // The threads divide the sources among them or, if there is only one source, the vertices.
     const int source_threads = sources.size() > 1 ? threads : 1, row_threads = sources.size() > 1 ? 1 : threads;
     parallel_ranges(sources.size(), 1, source_threads, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)

@@ -9,7 +9,7 @@
 namespace dfd {
 namespace {
 
-constexpr double radius_ratio = 1.1;   // r² divided by the largest d²; above 1, so that no weight is 0
+constexpr double radius_ratio = 1.1;   // r² divided by the largest d² (see the header); above 1, so that no weight is 0
 constexpr double added_weight = 1e-6;  // added to each weight
 
 void check(Matrix<const double> vertices, const Clusters& clusters, std::span<const std::int32_t> chosen,

@@ -12,7 +12,7 @@
 namespace dfd {
 namespace {
 
-// Least number of weights for each thread. A thread with fewer weights takes longer to start than to work.
+// Least number of weights per thread. With fewer, starting a thread takes longer than its work.
 constexpr std::size_t grain_weights = std::size_t{1} << 15;
 
 using Point = Vector3d;
@@ -28,7 +28,7 @@ Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[
 
 Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// A transform, as the displacement `change` p + `shift` of a point p. The stretch in `polar` is about `place`.
+/// A transform that displaces a point p by `change` p + `shift`. The stretch in `polar` has its center at `place`.
 struct Displacement {
     Matrix3d change;  // linear part minus the identity
     Point shift, place;
@@ -45,7 +45,7 @@ Displacement displacement_of(const Affine& transform, const Point& place, Blend 
     return d;
 }
 
-/// Returns H M H for the (3, 3) matrix H = `reflection`.
+/// Returns R M R for the matrices M = `m` and R = `reflection`.
 Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
 {
     Matrix3d half{}, result{};
@@ -92,7 +92,7 @@ bool has_stretch(const Displacement& d)
     return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
 }
 
-/// Appends the entries of a transform (`entries_of` lists them) to `table`. Points are relative to `center`.
+/// Appends the entries of a transform, listed at `entries_of`, to `table`. They apply to points relative to `center`.
 void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
 {
     if (blend == Blend::linear) {
@@ -144,8 +144,8 @@ std::vector<T> narrowed(const std::vector<double>& numbers)
     return result;
 }
 
-/// The entries of D_0, and of the handles for vertices on the positive and on the negative side of the mirror plane.
-/// `shares` (H) are the row sums of `mixing`, or empty without `mixing`.
+/// The blended entries. `rest` has those of D_0. `positive` and `negative` have those of the handles, for vertices on
+/// each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty without `mixing`.
 template <class T>
 struct Tables {
     std::vector<T> rest, positive, negative, shares;

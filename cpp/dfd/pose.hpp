@@ -28,11 +28,11 @@ struct Motion {
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles; read for dual quaternions
-    std::span<const double> mixing = {};  // (H, H) row-major; the weights are weights · mixing. Empty for the identity
+    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles, needed for dual quaternions
+    std::span<const double> mixing = {};  // (H, H) row-major; if given, `weights` · `mixing` replaces `weights`
 };
 
-/// The arrays of one pose; all but `vertices`, `weights` and `posed` may be empty.
+/// The arrays of one pose. Only `vertices`, `weights` and `posed` are required; the others may be empty.
 template <class T>
 struct PoseArrays {
     Matrix<const T> vertices;            // (V, 3) mesh units
@@ -40,7 +40,7 @@ struct PoseArrays {
     Matrix<T> posed;                     // (V, 3) result, overwritten; must not overlap an input
     Matrix<const T> base;                // (V, 3) positions to which displacements are added, instead of to `vertices`
     Matrix<const T> normals;             // (V, 3)
-    Matrix<T> posed_normals;             // (V, 3) result: `normals` times the blended cofactors, at unit length
+    Matrix<T> posed_normals;             // (V, 3) result: unit normals of the posed surface
 };
 
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
@@ -48,8 +48,8 @@ struct PoseArrays {
 /// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
 /// transforms are the identity, no bit of a vertex changes, unless overlap `paper` scales the vertex.
 ///
-/// With dual quaternions, a transform is split into a stretch about the handle's position and a rigid motion after it.
-/// The stretch of D_0 is about the first vertex. Overlap `paper` then has the effect of `normalize`.
+/// With dual quaternions, a transform is split into a stretch about the handle's position, and a rigid motion that
+/// follows. The stretch of D_0 is about the first vertex. Overlap `paper` then has the same effect as `normalize`.
 /// @throws std::invalid_argument if array shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true
 template <class T>

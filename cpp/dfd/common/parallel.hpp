@@ -38,7 +38,7 @@ inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t largest = 1;
     if (workers <= largest) return workers;
-    std::atomic<bool> started = false;  // each thread waits for it, so that all exist at the same time
+    std::atomic<bool> started = false;  // all threads wait for it, so that they exist at the same time
     std::vector<std::thread> others = start_threads(workers - largest, [&](std::size_t) { started.wait(false); });
     started = true;
     started.notify_all();
@@ -71,9 +71,9 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 }
 
 /// Calls `work(worker, begin, end)` for ranges that cover [0, `count`). The number of workers is at most `threads`, and
-/// at most `count` / `grain`. The length of each range but the last is a multiple of 16. There are several ranges per
-/// worker, so that a slow worker hardly delays the result. Ranges have at most 512 `grain` numbers, so that `poll` is
-/// called often. `work` must not throw. One worker does not use OpenMP, so the call is then safe in a forked child.
+/// at most `count` / `grain`. The length of each range except the last is a multiple of 16. Each worker gets several
+/// ranges, so that a slow worker hardly delays the result. A range has at most about 512 · `grain` indices, so that
+/// `poll` is called often. `work` must not throw. With one worker, OpenMP is not used, so a forked child may call it.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})

@@ -19,7 +19,7 @@ struct Polar {
 /// or along all three, whichever makes R the smaller rotation.
 Polar polar_decomposition(const Matrix3d& change);
 
-/// Returns R p - p for a unit quaternion; exactly 0 for the identity.
+/// Returns R p - p for a `point` p and the matrix R of a unit quaternion. The result is exactly 0 if R is the identity.
 Vector3d rotation_displacement(const Quaternion& rotation, const Vector3d& point);
 
 }  // namespace dfd

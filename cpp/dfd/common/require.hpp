@@ -1,6 +1,6 @@
 #pragma once
 
-// Checks of arguments, which throw std::invalid_argument. `assert` checks for errors of our own code.
+// Checks of arguments. All of them throw std::invalid_argument.
 
 #include "dfd/common/matrix.hpp"
 
@@ -39,7 +39,7 @@ void require_finite(Matrix<const T> values, const char* operation, const char* n
            {index / values.columns, index % values.columns});
 }
 
-/// Throws unless the matrix `rows` is empty, or has `columns` columns and entries from 0 to `count` - 1.
+/// Throws unless `rows` is empty, or is a matrix with `columns` columns whose entries are from 0 to `count` - 1.
 inline void require_indices(Matrix<const std::int32_t> rows, std::size_t columns, std::size_t count,
                             const char* message)
 {

@@ -18,8 +18,8 @@ struct FreeAligned {
 /// Uninitialized memory, aligned to at least 64 bytes, the size of the widest SIMD vectors.
 using AlignedMemory = std::unique_ptr<void, FreeAligned>;
 
-/// Allocates memory. Large memory gets large pages if the system has them: the system clears each page at its first
-/// access, and with small pages this takes longer than the kernel that fills the memory.
+/// Allocates memory, with large pages if `bytes` is large and the system has such pages. The system clears each page at
+/// its first access. With small pages, this takes longer than the kernel that fills the memory.
 inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;

@@ -1,5 +1,5 @@
-// Eq. (4-7) for blocks of vertices, one vertex per lane. The operations on a vertex and their order depend neither on
-// its index nor on other handles.
+// Eq. (4-7) for blocks of vertices, one vertex per vector lane. The operations for a weight and their order depend
+// neither on the index of the vertex nor on other handles.
 
 #include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
@@ -8,11 +8,11 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t blocks_ahead = 4;       // distance of prefetched features ahead of the present block, in blocks
-constexpr std::size_t geodesic_ahead = 1024;  // distance of prefetched geodesic distances, in bytes
-constexpr std::size_t column_ahead = 512;     // distance of prefetched columns, in bytes
+constexpr std::size_t blocks_ahead = 4;       // features are prefetched this many blocks before they are read
+constexpr std::size_t geodesic_ahead = 1024;  // geodesic distances are prefetched this many bytes ahead
+constexpr std::size_t column_ahead = 512;     // columns of weights are prefetched this many bytes ahead
 
-// Number of points (handles and fixed points) in a tile. The sums of a tile fit into registers.
+// Number of points, of handles or fixed, in a tile. The sums for the distances to a tile's points fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Computes the squared distances to `wanted` points from point `first` on, and perhaps to one more point or padding.
+// Computes the squared distances to `wanted` points from point `first` on. An odd `wanted` above 1 is rounded up.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -54,7 +54,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Range& 
     }
 }
 
-// Writes contiguous rows in whole cache lines, which bypass the caches. A buffer keeps entries until they fill a line.
+// Writes contiguous rows to memory as whole cache lines, past the caches. A buffer keeps entries until a line is full.
 class LineStream {
 public:
     LineStream(float* to, float* buffer)
@@ -110,7 +110,7 @@ DFD_INLINE void put_rows(const BindJob& job, const Range& block, const float* we
 
 // Evidence of invalid input in a range of vertices.
 struct Faults {
-    bool suspect = false;      // whether a feature may not be finite
+    bool suspect = false;      // whether a feature is perhaps infinite or NaN
     Bits largest[parts] = {};  // the largest geodesic distances, compared as unsigned integers
 
     unsigned bits() const
@@ -151,7 +151,7 @@ DFD_INLINE void localize(const BindJob& job, std::size_t handle, const Range& bl
     }
 }
 
-// Writes the weights of one handle to their column, or to scratch memory if the rows of all weights are contiguous.
+// Writes the weights of one handle to their column, or to scratch memory if the result has contiguous rows instead.
 template <bool Columns>
 DFD_INLINE void put(const BindJob& job, std::size_t handle, const Range& block, const Block& weights, float* scratch)
 {
@@ -175,7 +175,7 @@ DFD_INLINE Block ones()
 template <bool Columns, bool Local, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Range& block, float* scratch, Faults& faults)
 {
-    Block limit = ones();  // largest weight that is left for a handle: 1 minus the largest weight of the fixed points
+    Block limit = ones();  // largest possible weight of a handle: 1 minus the largest weight of the fixed points
     for (std::size_t first = 0; first < job.points.count; first += tile) {
         const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
         Block squares[tile];
@@ -204,7 +204,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Range& 
 }
 
 // Computes the weights of a block for handles of any reach and falloff, for regions, and for fixed points of any
-// strength. With the paper's values of these, all bits of the result equal those of `bind_block`.
+// strength. If all of these have the paper's values, all bits of the result equal those of `bind_block`.
 template <bool Columns, class Panel>
 DFD_INLINE void bind_general_block(const BindJob& job, const Panel& panel, const Range& block, float* scratch,
                                   Faults& faults)
@@ -274,7 +274,7 @@ DFD_INLINE unsigned dispatch(const BindJob& job, std::size_t begin, std::size_t 
     return bind_blocks<Columns, true, false>(job, begin, end, scratch, read);
 }
 
-// Computes the weights of a range. `read(job, first vertex, count, target)` reads the features of a block as a panel.
+// Computes the weights of a range. `read(job, first vertex, count, scratch)` returns the features of a block (a panel).
 template <class Read>
 DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
 {

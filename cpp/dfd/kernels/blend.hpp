@@ -8,7 +8,7 @@
 namespace dfd {
 namespace {
 
-// For each entry, the sum of weight times entry over the handles and D_0.
+// For each entry, its weighted sum over the transforms of the handles and D_0.
 template <class T, std::size_t Count>
 struct Sums {
     Vector<T> entry[Count];
@@ -38,7 +38,7 @@ DFD_INLINE Vector3<T> scaled(const Vector3<T>& a, Vector<T> factor)
     return {a.x * factor, a.y * factor, a.z * factor};
 }
 
-// Returns the normal n at unit length. If n is 0, as on surface that a transform flattens, returns the normal `before`.
+// Returns the vector n at unit length. If n is 0, because a transform flattens the surface, returns `before` instead.
 template <class T>
 DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
 {
@@ -63,7 +63,7 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    // Multiplies a normal by the cofactors of (`one` · I + the linear entries), with rows a, b, c, and normalizes it.
+    // Returns C · `normal` at unit length, for the cofactor matrix C of `one` · I + the linear entries.
     DFD_INLINE Vector3<T> transformed_normal(Vector<T> one, const Vector3<T>& normal) const
     {
         const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
@@ -143,8 +143,8 @@ struct LinearBlend {
     }
 };
 
-// Kavan, Collins, Žára, O'Sullivan, Geometric Skinning with Approximate Dual Quaternion Blending, 2008: a blended
-// stretch first, then the rigid motion of the blended dual quaternion.
+// First the blended stretch, then the rigid motion of the blended dual quaternion. (Kavan, Collins, Žára, O'Sullivan,
+// Geometric Skinning with Approximate Dual Quaternion Blending, 2008)
 template <class T, bool Stretched>
 struct DualQuaternionBlend {
     static constexpr std::size_t count = entries_of(Blend::dual_quaternion, Stretched);

@@ -7,9 +7,9 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t width = lanes<float>;    // floats of a vector
-constexpr std::size_t parts = vectors<float>;  // vectors that hold one float of each vertex of a block
-constexpr std::size_t chunk = 128;             // terms in a partial sum; short sums have small rounding errors
+constexpr std::size_t width = lanes<float>;    // number of floats in a vector
+constexpr std::size_t parts = vectors<float>;  // number of vectors with one float for each vertex of a block
+constexpr std::size_t chunk = 128;             // number of terms in a partial sum; short sums have small errors
 
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
 
@@ -143,7 +143,7 @@ public:
     }
 
 private:
-    // Adds the dot products of the block's byte rows with those of `Count` points to `sum`.
+    // Adds the dot products between the byte rows of the block and those of `Count` points to `sum`.
     template <class AnyQuad, std::size_t Count>
     DFD_INLINE void add_products(const PackedRows& points, std::size_t first, Int (&sum)[Count][parts]) const
     {

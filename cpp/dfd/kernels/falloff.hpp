@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// Returns 2^x for x <= 0, by the power series in the difference f of x from the nearest integer. It is exact at 0.
+// Returns 2^x for x <= 0, exact at 0: a power of two times a power series in f, where x is an integer plus f.
 DFD_INLINE Float exp2_of(Float x)
 {
     x = maximum(x, splat(-126.0f));
@@ -23,7 +23,7 @@ DFD_INLINE Float exp2_of(Float x)
     return (Float)((Int)y + (whole << 23));
 }
 
-// Returns log2 of x in (0, 1], exact at 1: e plus an odd power series in s, for x = m 2^e, m in [sqrt(1/2), sqrt(2)).
+// Returns log2(x) for x in (0, 1], exact at 1: e plus a power series of log2(m), for x = m 2^e with m near 1.
 DFD_INLINE Float log2_of(Float x)
 {
     const Int bits = (Int)x - 0x3f3504f3;
@@ -46,7 +46,7 @@ DFD_INLINE Float power_of(Float x, float power)
     return select(at_least(splat(0.0f), x), splat(0.0f), positive);
 }
 
-// Returns the weight at x = 1 - distance / reach in [0, 1]: 0 at 0, 1 at 1, and nondecreasing.
+// Returns the weight at x = 1 - distance / reach in [0, 1]. It is 0 at x = 0, 1 at x = 1, and never decreases with x.
 DFD_INLINE Float fall_off(Float x, Falloff falloff)
 {
     switch (falloff) {

@@ -1,4 +1,4 @@
-// Evaluates the network of a feature field, for 48 points at a time, so that their activations stay in the cache.
+// Evaluates the network of a feature field. The activations of 48 points, computed together, fit into the cache.
 
 #include "dfd/kernels/layout.hpp"
 
@@ -7,7 +7,7 @@
 namespace dfd {
 namespace {
 
-// Numbers of outputs, and of vectors of points, in a tile. The sums of a tile fit into registers.
+// A tile has `tile_outputs` outputs, each for `tile_vectors` vectors of points. Its sums fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile_outputs = 8, tile_vectors = 3;
 #elif defined(__AVX2__)
@@ -22,7 +22,7 @@ static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0
 constexpr std::size_t row = field_points;
 
 // Writes the network's inputs (3 + 6 octaves, 48): coordinates, then the sines and cosines of each octave. The angles
-// double with each octave. Double-angle formulas compute the sines and cosines; in double, their error is negligible.
+// double with each octave. Double-angle formulas give the sines and cosines, with negligible error in double precision.
 void write_inputs(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
 {
     constexpr double quarter_turn = 1.5707963267948966;
@@ -72,7 +72,7 @@ DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t in
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
         for (std::size_t v = 0; v < tile_vectors; ++v)
-            // `maximum` returns its second operand if one of them is NaN.
+            // If the sum is NaN, `maximum` returns its second operand, the NaN.
             store(out + o * row + v * lanes<float>, Rectified ? maximum(Float{}, sums[o][v]) : sums[o][v]);
 }
 
@@ -108,7 +108,7 @@ void normalize_layer(const FieldLayer& layer, float* values)
     }
 }
 
-// Normalizes `values` (D, 48) to unit length, and writes them for the first `count` points to `features` (count, D).
+// Scales the columns of `values` (D, 48) to unit length, and writes the first `count` as rows of `features` (count, D).
 void write_features(const FieldLayer& layer, float* values, float* features, std::size_t count)
 {
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
@@ -123,7 +123,7 @@ void write_features(const FieldLayer& layer, float* values, float* features, std
             store(place, load<Float>(place) * factor);
         }
     }
-    constexpr std::size_t columns = 32;  // columns that are transposed together
+    constexpr std::size_t columns = 32;  // number of columns that are transposed together
     float turned[columns * block_size];
     for (std::size_t point = 0; point < count; point += block_size) {
         const std::size_t rows = count - point < block_size ? count - point : block_size;

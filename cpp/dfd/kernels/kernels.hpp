@@ -12,7 +12,7 @@ namespace dfd {
 /// Number of vertices in a block. A kernel processes the vertices of a block together, one in each lane of its vectors.
 constexpr std::size_t block_size = 16;
 
-/// Number of points in a group; entry k of all points of a group is consecutive in memory. Zeros fill the last group.
+/// Number of points in a group, which stores entry k of all its points, then entry k + 1. Zeros fill the last group.
 constexpr std::size_t group_size = 16;
 
 /// The weight as a function of x = 1 - distance / reach: x is 1 at the handle and 0 at its reach. Names as in Blender.
@@ -72,7 +72,7 @@ struct BindJob {
     float scale = 1;                          // an int8 entry b is the feature entry b * scale
     PackedRows points;                        // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
-    bool general = false;                     // whether a strength, reach, falloff or member count is not the paper's
+    bool general = false;                     // whether `strengths`, `reaches` or `members` differ from the paper's
     const float* strengths = nullptr;         // (fixed_count) in (0, 1]
     const Reach* reaches = nullptr;           // (H)
     const std::uint32_t* members = nullptr;   // (H) number of points of each handle
@@ -96,8 +96,8 @@ constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_cou
     return block_size * (dimension + 2 * handle_count + 1);
 }
 
-/// Returns the number of entries that are blended for each transform D_k. They are differences from the identity.
-/// Linear: the matrix D_k - I (3, 4). Dual quaternions: (w - 1, x, y, z) and the dual part. If `stretched`, the six
+/// Returns the number of blended entries for each transform D_k. They are differences from the identity. A linear blend
+/// has the matrix D_k - I (3, 4). Dual quaternions have (w - 1, x, y, z) and the dual part. If `stretched`, the six
 /// entries (xx, yy, zz, yz, zx, xy) of the stretch minus the identity follow, and then the translation of the stretch.
 constexpr std::size_t entries_of(Blend blend, bool stretched)
 {
@@ -114,11 +114,11 @@ struct PoseJob {
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
     bool stretched = false;            // whether dual quaternions come with a stretch
-    const T* positive = nullptr;       // (H, entries_of) for vertices on the positive side of the mirror plane
-    const T* negative = nullptr;       // (H, entries_of) for those on the negative side, or null without a mirror plane
-    const T* rest = nullptr;           // (entries_of) entries of D_0, or null for the identity
+    const T* positive = nullptr;       // (H, E) for the positive side of the mirror plane; E is `entries_of`
+    const T* negative = nullptr;       // (H, E) for vertices on the negative side, or null without a mirror plane
+    const T* rest = nullptr;           // (E) entries of D_0, or null for the identity
     const T* shares = nullptr;         // (H) s; the weight of D_0 is max(1 - Σ s_k W_k, 0). Null if all s_k are 1
-    T center[3] = {};                  // origin of the points that the transforms move
+    T center[3] = {};                  // origin of the coordinates that the transforms move
     T normal[3] = {};                  // unit normal of the mirror plane
     T height = 0;                      // signed distance of `center` from the mirror plane
     T steepness = 0;                   // 1 / (2 band) for the half width `band`, or 0 without a band
@@ -134,14 +134,14 @@ using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t
 
 constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
 
-/// Number of points that a field evaluates together, and number of outputs in a group of `FieldLayer`.
+/// A field evaluates `field_points` points together. A group of `FieldLayer` has `field_group` outputs.
 constexpr std::size_t field_points = 48, field_group = 8;
 
 struct FieldLayer {
     const float* weights = nullptr;  // (groups, inputs, 8) with 8 outputs in a group; zeros fill the last group
     const float* bias = nullptr;     // (8 groups)
-    const float* gain = nullptr;     // (8 groups) of the LayerNorm, or null for the last layer
-    const float* shift = nullptr;    // (8 groups) of the LayerNorm, or null for the last layer
+    const float* gain = nullptr;     // (8 groups) gain of the LayerNorm, or null for the last layer
+    const float* shift = nullptr;    // (8 groups) shift of the LayerNorm, or null for the last layer
     std::size_t inputs = 0, outputs = 0;
 };
 

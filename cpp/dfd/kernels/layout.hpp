@@ -54,8 +54,8 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
 constexpr std::size_t few_columns = 4;  // number of columns up to which single loads are faster than transpositions
 
-// Writes 16 rows of `columns` floats to `out` (columns, 16). In `rows`, each row begins `stride` floats after the one
-// before. If `count` is below 16, copies of row `count` - 1 replace the missing rows.
+// Writes 16 rows of `columns` floats to `out` (columns, 16). In `rows`, a row begins `stride` floats after the
+// previous row. If `count` is below 16, copies of row `count` - 1 replace the missing rows.
 DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
 {
     constexpr std::size_t size = lanes<float>;
@@ -95,7 +95,7 @@ DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t
 
 constexpr std::size_t quads = lanes<float> / 4;  // number of quads (groups of four lanes) in a vector
 
-// Transposes the 4×4 matrix that each quad of the four vectors forms.
+// Transposes 4×4 matrices: quad q of the four vectors forms matrix q.
 DFD_INLINE void transpose_quads(Float (&v)[4])
 {
     constexpr std::size_t size = lanes<float>;
@@ -123,7 +123,7 @@ DFD_INLINE QuadFloat quad(V v)
     else return __builtin_shufflevector(v, v, 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
 }
 
-// Writes the first `Count` entries of each quad of the four vectors to one row. `Index` is the number of a quad.
+// Writes quad q of vector i to row 4 q + i, for each q from `Index` on. Only the first `Count` entries are written.
 template <std::size_t Count, std::size_t Index = 0>
 DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride)
 {
@@ -135,7 +135,7 @@ DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride
     if constexpr (Index + 1 < quads) store_quads<Count, Index + 1>(v, rows, stride);
 }
 
-// Writes (Count, 16), with at most four columns, to 16 rows.
+// Writes `from` (Count, 16), transposed, to 16 rows; `Count` is at most 4.
 template <std::size_t Count>
 DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stride)
 {
@@ -148,7 +148,7 @@ DFD_INLINE void columns_to_rows(const float* from, float* rows, std::size_t stri
     }
 }
 
-// Writes (columns, 16) to 16 rows. Stores of at most four floats need half as many shuffles as stores of whole vectors.
+// Writes `from` (columns, 16), transposed, to 16 rows, at most four floats at a time. This needs few shuffles.
 DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* rows, std::size_t stride)
 {
     std::size_t k = 0;

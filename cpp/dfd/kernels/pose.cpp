@@ -1,11 +1,11 @@
-// Eq. (1) and (8) for blocks of vertices, one vertex per lane. The displacement of each vertex is blended.
+// Eq. (1) and (8) for blocks of vertices, one vertex per vector lane.
 
 #include "dfd/kernels/blend.hpp"
 
 namespace dfd {
 namespace {
 
-// Vertices and weights are prefetched this many bytes ahead of those in use. With one handle, memory limits the speed.
+// Vertices and weights are prefetched this many bytes before they are read. With one handle, memory limits the speed.
 constexpr std::size_t vertices_ahead = 1536, weights_ahead = 512;
 
 template <class T>
@@ -22,7 +22,7 @@ DFD_INLINE Vector<T> load_weights(const float* from)
 template <class T>
 struct Weights {
     const float* first;  // the weights of the lanes for handle 0
-    std::size_t stride;  // number of floats to the weights for the next handle
+    std::size_t stride;  // number of floats from the weights of a handle to those of the next
 
     DFD_INLINE Vector<T> operator()(std::size_t k) const { return load_weights<T>(first + k * stride); }
 };
@@ -50,7 +50,7 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
             normalize ? one / maximum(sum, one) : one};
 }
 
-// Sums weight times entry over the handles and D_0, for entries First … Last - 1. These sums fit into registers.
+// Computes the weighted sums of entries First … Last - 1 over the handles and D_0. These sums fit into registers.
 template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// Returns the share (0 to 1) of the positive side's transforms: a smoothstep over the band, or a step without a band.
+// Returns the share (0 to 1) of the positive side's transforms: a smoothstep across the band, or a step without band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {
@@ -94,7 +94,7 @@ DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
     return t * t * (T(3) - T(2) * t);
 }
 
-// The data of the first of several consecutive vertices.
+// Pointers to the data of the first of several consecutive vertices.
 template <class T>
 struct VertexData {
     const T *vertices, *base, *normals;
@@ -136,7 +136,7 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const VertexData<T>& at, const
     Vector3<T> from = vertex;
     if (at.base != nullptr) {
         from = Interleaved<T>::read(at.base);
-    } else if (job.overlap == Overlap::paper) {  // Equation (1) scales a vertex whose weights exceed 1
+    } else if (job.overlap == Overlap::paper) {  // Equation (1) scales a vertex whose weights sum to more than 1
         shift = {multiply_add(excess, vertex.x, shift.x), multiply_add(excess, vertex.y, shift.y),
                  multiply_add(excess, vertex.z, shift.z)};
     }
@@ -169,8 +169,8 @@ DFD_INLINE void pose_block(const PoseJob<T>& job, const VertexData<T>& at, const
     }
 }
 
-// Poses vertices if there is one handle, and no mirror plane, D_0 or normals. The transform stays in registers, and its
-// displacement is multiplied by the weight.
+// Poses vertices if there is one handle, and no mirror plane, D_0 or normals. Returns the end of the posed range. The
+// transform stays in registers, and its displacement is multiplied by the weight.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
 {

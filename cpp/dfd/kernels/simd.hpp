@@ -194,8 +194,8 @@ DFD_INLINE Double select(__mmask8 mask, Double yes, Double no)
 {
     return (Double)_mm512_mask_blend_pd(mask, (__m512d)no, (__m512d)yes);
 }
-// Returns the square root, with the same bits as `sqrt` for values of at least 2^-60, on every processor: the estimates
-// of `rsqrt14` may differ between processors within their error bound. For smaller values, the result is 2^-30.
+// Returns the square root. For values of at least 2^-60, the bits equal those of `sqrt`, although the estimates of
+// `rsqrt14` may differ between processors. For smaller values, the result is 2^-30.
 DFD_INLINE Float sqrt_by_products(Float a)
 {
     const __m512 half = _mm512_set1_ps(0.5f);
@@ -240,7 +240,7 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 #else
     typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
     const Int bits = __builtin_convertvector(load<Halves>(from), Int);
-    // The exponent biases of float16 and float differ by 112. A multiplication corrects even subnormal numbers.
+    // The exponent biases of float16 and float differ by 112. The factor 2^112 corrects even subnormal numbers.
     const Int magnitude = (bits & 0x7fff) << 13;
     return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
 #endif

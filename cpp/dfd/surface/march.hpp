@@ -66,13 +66,14 @@ inline double across_triangle(double a, double b, double side, double to_a, doub
     return std::sqrt(along * along + height * height);
 }
 
-/// A front, and the distances of the vertices that it has reached. To `clear` a wave is faster than to make a new one.
+/// A front, and the distances of the vertices that it has reached. To `clear` a wave is faster than to make one.
 class Wave {
 public:
     explicit Wave(std::size_t vertex_count) : distance_(vertex_count, unreached), passed_(vertex_count, 0) {}
 
     double distance(std::int32_t vertex) const { return distance_[static_cast<std::size_t>(vertex)]; }
-    bool passed(std::int32_t vertex) const { return passed_[static_cast<std::size_t>(vertex)] != 0; }  // distance final
+    /// Returns whether the front has passed a vertex, so that its distance is final.
+    bool passed(std::int32_t vertex) const { return passed_[static_cast<std::size_t>(vertex)] != 0; }
 
     /// Adds a vertex to the front at `distance`, unless its present distance is at most `distance`.
     void offer(std::int32_t vertex, double distance)

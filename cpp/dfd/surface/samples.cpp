@@ -12,9 +12,9 @@ namespace dfd {
 namespace {
 
 constexpr double packing = 1.45;     // mean area of a sample's Voronoi cell, divided by the squared spacing (measured)
-constexpr double detour = 1.3;       // assumed length of a path along edges, divided by the distance of its ends
+constexpr double detour = 1.3;       // length of a path along edges, divided by distance along the surface (assumed)
 constexpr double same_place = 1e-5;  // links up to this length join coincident vertices; longer links cross gaps
-constexpr double support = 1.8;      // farther samples hardly affect the fit at a vertex, in sample spacings
+constexpr double support = 1.8;      // radius around a vertex, in sample spacings, outside which samples hardly matter
 constexpr double damping = 1e-2;     // damping of the fitted slope, relative to the sum of `importance`
 
 using Point = std::array<double, 3>;
@@ -30,8 +30,7 @@ double apart(const Point& a, const Point& b)
     return std::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/// Returns the indices of all entries, sorted by vertex. The entries of vertex v are result[first[v]] to
-/// result[first[v + 1] - 1].
+/// Returns all entry indices, sorted by vertex. Those of vertex v are result[first[v]] … result[first[v + 1] - 1].
 template <class VertexOf>
 std::vector<std::uint32_t> group(std::size_t vertex_count, std::size_t entry_count, const VertexOf& vertex_of,
                                  std::vector<std::uint32_t>& first)
@@ -119,8 +118,8 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Sets `weights` (n), by which values at `points` (n) are interpolated at the origin. The weighted sum of the values
-/// equals a linear function at the origin, fitted to the values by least squares with an `importance` of each point.
+/// Computes `weights` (n). The sum of weight times value over `points` (n) is a linear function's value at the origin.
+/// The function is fitted to the values by least squares, in which each point has an `importance`.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
     // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.

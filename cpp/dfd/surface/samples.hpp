@@ -39,8 +39,8 @@ Samples take_samples(const Surface& mesh, Matrix<const double> vertices, std::si
 Surface voronoi_surface(const Surface& mesh, Matrix<const double> vertices, const Samples& samples,
                         std::vector<std::vector<std::int32_t>>& rings);
 
-/// Returns, for each vertex (V), the weights of the samples around it by moving least squares. Interpolation with these
-/// weights is nearly exact for linear functions of position.
+/// Returns the moving-least-squares weights of the samples around each vertex, (V). Interpolation with these weights is
+/// nearly exact for linear functions of position.
 std::vector<SampleFit> linear_fits(Matrix<const double> vertices, const Samples& samples,
                                    const std::vector<std::vector<std::int32_t>>& rings, int threads);
 

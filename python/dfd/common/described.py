@@ -43,7 +43,7 @@ class About:
     unit: Literal["length", "position", "angle"] | None = None
     # "weights" if the field changes the handle's weights, "pose" if it changes only how the mesh is posed by them.
     affects: Literal["weights", "pose"] = "weights"
-    of_part: bool = False  # whether the field needs the handle's part, as bend does; the default transform has no part
+    of_part: bool = False  # whether the field, such as bend, needs a handle's part; the default transform has no part
     label: str | None = None  # the field's name in panels of the app; None derives it from the field's name
     # Lowest value, highest value and step of the slider in panels; lengths are fractions of the shape's size.
     slider: tuple[float, float, float] | None = None

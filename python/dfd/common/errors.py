@@ -51,10 +51,10 @@ def public(function: Function) -> Function:
 
 @contextmanager
 def within(path: str, function: str | None = None) -> Iterator[None]:
-    """Add `function`, and the argument's `path` in a document, to each `ArgumentError` that the `with` block raises."""
+    """Add `function`, and the argument's `path`, such as `handles[0]`, to each `ArgumentError` of the `with` block."""
     try:
         yield
     except ArgumentError as error:
-        # A place has no key of its own in a document. Its keys or numbers are directly in the entry at `path`.
+        # A place has no key of its own in an edit file. Its keys or numbers are directly in the entry at `path`.
         argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
         raise ArgumentError(argument, error.reason, function) from None

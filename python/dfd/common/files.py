@@ -20,7 +20,7 @@ def cache_directory() -> Path:
     The environment variable DFD_CACHE sets this folder. Without DFD_CACHE, the folder is `dfd` in the platform's cache
     folder, on Linux XDG_CACHE_HOME or ~/.cache.
     """
-    import platformdirs  # imported only here, because Blender, whose add-on uses no cache, lacks this package
+    import platformdirs  # imported only here: Blender lacks it, and dfd's add-on for Blender uses no cache
 
     named = os.environ.get("DFD_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)

@@ -25,7 +25,7 @@ def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: in
 
 
 def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
-    """Return the distinct pairs in `pairs` (N, 2), (E, 2), and for each given pair its index among them, (N,).
+    """Return the distinct pairs (E, 2) in `pairs` (N, 2), and for each of `pairs` the index of its distinct pair, (N,).
 
     The entries are integers from 0 to `count` − 1. Pairs that differ only in the order of their entries are equal. The
     distinct pairs are sorted, each with its lower entry first.

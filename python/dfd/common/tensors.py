@@ -89,5 +89,5 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:
-    """Return `result`, converted to a torch tensor that shares its memory if `value` is a torch tensor."""
+    """Return `result`. If `value` is a torch tensor, return a torch tensor that shares the memory of `result`."""
     return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result

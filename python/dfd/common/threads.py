@@ -125,7 +125,7 @@ def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> 
 def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
     """Run `work` on another thread while the `with` block runs; yield a function that waits for `work`.
 
-    The function returns the result of `work`, or raises its error. The block does not end before `work`. If
+    The function returns the result of `work`, or raises its error. The `with` block does not end before `work`. If
     `get_num_threads()` is 1, the function runs `work` itself.
     """
     if get_num_threads() == 1:

@@ -1,1 +1,1 @@
-"""Measure surfaces: topology, distances along the surface and axes of parts; make coarser and finer copies."""
+"""Measure surfaces (topology, distances along them, axes of parts), and make coarser and finer copies of meshes."""

@@ -1,4 +1,4 @@
-"""Group the vertices of a large mesh into nodes, on which smooth functions of the surface take little time."""
+"""Group the vertices of a large mesh into nodes. Functions that vary smoothly are fast to compute on the nodes."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -17,13 +17,13 @@ from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
-MOST_NODES = 20_000  # vertices of a mesh with more vertices than this are clustered into nodes
-CELLS = 100  # number of grid cells along the longest side of the box, for clustering
+MOST_NODES = 20_000  # largest number of vertices of a mesh in which each vertex is a node
+CELLS = 100  # number of grid cells, for clustering, along the longest side of the mesh's bounding box
 RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 
 class Share(NamedTuple):
-    """A share in [0, 1] of each vertex, as a sparse vector: the vertices with a share above 0, and their shares."""
+    """Shares in [0, 1] of the vertices of a mesh, stored as the vertices with a share above 0 and these shares."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -79,7 +79,7 @@ class Nodes:
         self._vertices = vertices
 
     def shares(self, parts: Float64) -> list[Share]:
-        """Return each row of `parts` (K, N), interpolated from nodes to vertices and divided by the sum of the rows."""
+        """Interpolate the rows of `parts` (K, N) to the vertices. Return each row, divided by the sum of all rows."""
         rows = parts.astype(np.float32)
         total = rows.sum(axis=0)
         found = []
@@ -92,7 +92,7 @@ class Nodes:
         return found
 
     def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
-        """Return `values` (N, K) of nodes, interpolated to all vertices, (V, K), or to the given `vertices`."""
+        """Return the `values` (N, K) of nodes, interpolated to `vertices` (M,), as (M, K). None means all vertices."""
         if self._are_vertices:
             return values[self.of_vertex if vertices is None else vertices]
         chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
@@ -104,7 +104,7 @@ class Nodes:
         return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
-        """Return the vertex nearest to each of `points` (M, 3), (M,), among the vertices of the nearest eight nodes."""
+        """Return the nearest vertex (M,) to each of `points` (M, 3). Only vertices of the eight nearest nodes count."""
         queries = np.reshape(points, (-1, 3)).astype(np.float64)
         around = self.tree.query(queries, k=min(8, len(self.center)))[1].reshape(len(queries), -1)
         found = np.empty(len(queries), np.int64)
@@ -120,7 +120,7 @@ class Nodes:
 
     @cached_property
     def _reach(self) -> csr_array:
-        """Return a matrix (N, N), True from each node to the nodes from which its vertices' values are interpolated."""
+        """Return a matrix (N, N): row n is True for the nodes from which values in node n are interpolated."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
@@ -140,7 +140,7 @@ def nodes_of(mesh: Mesh) -> Nodes:
 
 
 def _clustered(mesh: Mesh, links: Int32) -> Int32:
-    """Return the node of each vertex, (V,). Vertices that are connected within a grid cell are one node."""
+    """Return the node of each vertex, (V,). Vertices that are connected within a grid cell form one node."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
@@ -166,7 +166,7 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> 
 
 
 def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
-    """Yield the ends (E, 2) of the sides of faces, for each batch of faces, and then `links` (L, 2)."""
+    """Yield the ends (E, 2) of the faces' sides, one batch of faces after the other, and at the end `links` (L, 2)."""
     for start in range(0, len(mesh.faces), RUN):
         yield face_sides(mesh.faces[start : start + RUN])
     yield links

@@ -10,9 +10,9 @@ from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import Topology, inspect
 from dfd.mesh.mesh import Mesh
 
-_FLAT = 1e-3  # a shape is flat if the shortest side of its box, divided by the longest, is below this
+_FLAT = 1e-3  # a shape is flat if its bounding box's shortest side, divided by the longest, is below this
 _FAR = 1e4  # a shape is far from the origin if its largest coordinate, divided by the longest side, is above this
-_COARSE = 0.1  # faces are large if the median length of edges is above this, in diagonals of the box
+_COARSE = 0.1  # faces are large if the median edge length, divided by the box's diagonal, is above this
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Finding:
     means: str  # the effect of the property, as a sentence
 
 
-# Each row has: a count of `Topology`, its words in singular and plural, the property, and its effect.
+# Each row has the name of a count in `Topology`, the words after this number (one, many), the property and its effect.
 _DEFECTS = (
     ("unreferenced_vertices", "vertex belongs", "vertices belong", "{} to no face.",
      "Pictures do not show such vertices, but they have weights and move."),

@@ -18,8 +18,8 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
-_SAMPLES = 6_000  # number of the solver's sample vertices on a large mesh; more hardly reduce the error
-_LONGEST_EDGE = 1.5  # longer edges are split; the unit is the spacing of the samples
+_SAMPLES = 6_000  # number of vertices of a large mesh at which distances are computed; more hardly reduce the error
+_LONGEST_EDGE = 1.5  # largest length of edges that are not split, in spacings of the samples
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class _Prepared:
     solver: _core.Geodesics
     vertex: Int32  # (V,) the solver vertex at the position of each mesh vertex
     distinct: int  # number of distinct positions of mesh vertices; the first solver vertices are at these positions
-    half: float  # half of the longest side of the box, in mesh units; it is the solver's unit of length
+    half: float  # half of the bounding box's longest side, in mesh units; it is the solver's unit of length
 
 
 class Geodesics:
@@ -44,7 +44,7 @@ class Geodesics:
         separates components, as in the paper.
     sampled
         Whether distances on a large mesh are computed at about 6,000 vertices and interpolated, which changes the
-        distances by about 0.01. False uses all vertices, as in the paper.
+        results by about 0.01. False uses all vertices, as in the paper.
 
     Raises ValueError if `bridges` or `sampled` is not a bool.
     """
@@ -75,7 +75,7 @@ class Geodesics:
         return prepared.solver.extent * prepared.half
 
     def prepare(self) -> _Prepared:
-        """Run the precomputation now, in this thread, instead of at the first query."""
+        """Run the precomputation, unless it has run before, and return its result."""
         with self._lock:
             if self._result is None:
                 self._result = _prepared(self._mesh, self._bridges, self._sampled)

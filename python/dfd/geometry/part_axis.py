@@ -25,7 +25,7 @@ SAMPLES = 4_000  # number of surface samples of the part, to which the curve is 
 # the length of the part and WIDE times its radius.
 WIDTH, WIDE = 0.08, 0.5
 STOUT = 0.4  # if radius divided by length is above this, parameters stay the scaled distances from the base
-ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no single vertex sets the tip
+ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no outlier sets the tip
 ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
 FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
 RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, in radii at the base
@@ -59,7 +59,7 @@ class PartAxis:
 
     @property
     def base(self) -> Float64:
-        """Return the center (3,) of the border's box."""
+        """Return the center (3,) of the border's bounding box."""
         return (self.border.min(axis=0) + self.border.max(axis=0)) / 2
 
     @property
@@ -82,8 +82,8 @@ class PartAxis:
     def joint(self, point: NDArray[np.floating]) -> float:
         """Return the parameter of the joint: the strongest bend or the narrowest place, such as a knee or an elbow.
 
-        Only parameters from 0.2 to 0.8 are searched. If the parameter of `point` (3,) is near them, the search is
-        limited to its neighborhood, so that a handle at a knee does not select the ankle.
+        Only parameters from 0.2 to 0.8 are searched. If the parameter of `point` (3,) is in or near this range, only
+        its neighborhood is searched, so that a handle at a knee does not select the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
@@ -136,7 +136,7 @@ class PartAxes:
         return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """Return the axes of the connected components of `inside` (V,), the largest first, without small components."""
+        """Return the axes of the components of the part `inside` (V,), the largest first, without small components."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         component = connected_components(nodes.graph[own][:, own], directed=False)[1]
@@ -209,7 +209,7 @@ class PartAxes:
         return PartAxis(vertices, parameter, nodes, radius, center[base], borders, middle, rest, spread)
 
     def _on_vertices(self, some: Int64, values: Float64) -> tuple[Int64, Float64]:
-        """Return the vertices (N,) of the nodes `some` (M,), and the nodes' `values` (M,), interpolated to them, (N,).
+        """Return the vertices (N,) of nodes `some` (M,), and values (N,) interpolated from the nodes' `values` (M,).
 
         Gradients are interpolated too, so that values that are linear in space stay linear.
         """
@@ -235,7 +235,7 @@ class PartAxes:
         return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Return the base (K,), as indices of `own`, of a part without a rest: its end nearer to the shape's center."""
+        """Return the base of a part without borders, as indices (K,) in `own`: its end nearer to the shape's center."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
@@ -247,7 +247,7 @@ class PartAxes:
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
     def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """Return the curve (33, 3), its radius (33,), and the parameters (M,) of the nodes `own`; None without area.
+        """Return the curve (33, 3), its radius (33,) and the parameters (M,) of nodes `own`; None if `faces` lack area.
 
         The curve is a principal curve (Hastie and Stuetzle 1989). The first parameters are the distances `away` (M,)
         from the base, scaled to [0, 1]. In each round, a point of the curve is the mean of the samples with nearly the
@@ -299,10 +299,10 @@ class PartAxes:
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Move `values` (V,) by `isometry` (3, 4), and return the vertices (N,) with new values above 0, and these values.
+    """Move `values` (V,) by `isometry` (3, 4). Return the vertices (N,) with new values above 0, and these values (N,).
 
-    The new value of a vertex is the mean over the four vertices nearest to its preimage, weighted by the inverse
-    squared distance. `tree` is the search tree of `vertices` (V, 3).
+    The new value of a vertex is the mean of the values at the four vertices nearest to its preimage, weighted by the
+    inverse squared distance. `tree` is the search tree of `vertices` (V, 3).
     """
     linear, shift = isometry[:, :3], isometry[:, 3]
     some = vertices[values > 0]
@@ -318,7 +318,7 @@ def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64
 
 
 def _fitted(at: Float64, parameter: Float64, values: Float64, width: float, *, straight: bool = True) -> Float64:
-    """Return `values` (N, D) of samples with `parameter` (N,), smoothed at the parameters `at` (K,), as (K, D).
+    """Return values (K, D) at the parameters `at` (K,), smoothed from samples: `values` (N, D) at `parameter` (N,).
 
     The kernel is a Gaussian with the standard deviation `width`. If `straight` is True, local lines are fitted instead
     of local means, so that the curve does not shrink at its ends.

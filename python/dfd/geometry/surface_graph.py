@@ -12,12 +12,12 @@ from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-# Points within SAME_PLACE of each other have the same position. Bridges join components first across the smaller of
-# GAPS, then across the larger. Both are in diagonals of the box. Components that the smaller gap joins get no bridges
-# across the larger one: legs that meet at the hips stay separate at the knees.
+# Fractions of the bounding box's diagonal. Points within SAME_PLACE of each other have the same position. Bridges join
+# components first across the smaller of GAPS, then across the larger. Components that are joined across the smaller gap
+# get no bridges across the larger one: legs that meet at the hips stay separate at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
 _MOST_POINTS = 400_000  # largest number of samples on edges, and of samples on faces
-_LABELS_IN_CELL = 4  # number of components per grid cell that are paired with other cells, which limits their pairs
+_LABELS_IN_CELL = 4  # largest number of components of a grid cell that are paired with those of other cells
 
 
 def surface_graph(mesh: Mesh) -> csr_matrix:
@@ -141,9 +141,9 @@ def _capped(wanted: Float64) -> Int64:
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Return the indices (K,) of chosen `points` (N, 3): in each cell of a grid, one point for each of a few labels.
+    """Return the indices (K,) of chosen `points` (N, 3): in each grid cell, a point for each of the first few labels.
 
-    Also return a pair for each other label of a cell, (C, 2): a chosen point of the cell, and a point with the label.
+    Also return a pair for each remaining label of a cell, (C, 2): a chosen point, and a point with this label.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1

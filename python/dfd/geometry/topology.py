@@ -14,7 +14,7 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, dist
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
-if TYPE_CHECKING:  # this module imports mesh readers, which takes most of a second
+if TYPE_CHECKING:  # `dfd.mesh.mesh` imports all mesh readers, which takes time
     from dfd.mesh.mesh import Mesh
 
 
@@ -39,7 +39,7 @@ class Topology:
 def inspect(mesh: Mesh) -> Topology:
     """Return the numbers of components and defects of a mesh.
 
-    Edges and components are those of the faces with three different corners.
+    For edges and components, only faces with three different corners count.
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
@@ -76,7 +76,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return the number (F,) of the connected component of each of `faces` (F, 3), counted from 0."""
+    """Return the component number (F,) of each of `faces` (F, 3). Connected components are numbered from 0."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
@@ -89,7 +89,7 @@ def face_sides(faces: Int32) -> Int32:
 
 
 def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, Float64]:
-    """Return the longest side (F,) and the area (F,) of each face, in units of `vertices` (V, 3) and squared units."""
+    """Return the longest side (F,) of each face, in units of `vertices` (V, 3), and the area (F,) in squared units."""
     sizes = np.empty((len(faces), 2))
     points, corners = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
     _core.face_sizes(points, corners, sizes, get_num_threads())
@@ -126,7 +126,7 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
 
 
 def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
-    """Return `count` points at even density on faces with `areas` (F,): faces (count,), barycentric rows (count, 3)."""
+    """Spread points evenly on faces with `areas` (F,). Return their faces (count,) and barycentric rows (count, 3)."""
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     return points_on_faces(np.bincount(hit, minlength=len(areas)))
@@ -149,9 +149,9 @@ def sample_surface(
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
-    """Return `counts` (F,) points on the faces: the face (N,) of each point, ascending, and barycentric rows (N, 3).
+    """Place `counts[f]` points on face f. Return the face (N,) of each point, ascending, and barycentric rows (N, 3).
 
-    The points on a face fill it evenly, and the first is its center. They are the additive sequence of Roberts, "The
+    The points on a face cover it evenly; the first point is its center. They are the additive sequence of Roberts, "The
     unreasonable effectiveness of quasirandom sequences", 2018.
     """
     ends = np.cumsum(counts)

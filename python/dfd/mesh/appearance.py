@@ -38,7 +38,7 @@ class Material:
 class Appearance:
     """The colors of the faces of a mesh.
 
-    Face corners refer to rows. A row is a vertex with one texture coordinate and one color. A seam vertex has several.
+    Face corners refer to rows. A row is a vertex with one texture coordinate and one color; seam vertices have several.
     """
 
     corners: Int32  # (R,) mesh vertex of each row; −1 for a row that no face uses

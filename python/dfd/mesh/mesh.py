@@ -41,8 +41,8 @@ class MeshPart:
 class Mesh:
     """An immutable triangle mesh with read-only arrays. Moved positions are a separate array (V, 3).
 
-    Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. Vertices that no face
-    uses count too. (The faces of an OBJ file call this vertex i + 1.) GLB, glTF and STL files have no single list of
+    Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. (In an OBJ file, faces
+    call this vertex i + 1.) Vertices that no face uses count too. GLB, glTF and STL files have no single list of
     vertices. For these, the vertices are the distinct positions that faces use, in the order of the file.
 
     Several vertices may have the same position. The faces of a mesh from a file then use only the first of them, even
@@ -109,7 +109,7 @@ class Mesh:
     def _corners_of(self, faces: slice) -> Int64:
         """Return the vertices (N,), ascending, of the given faces."""
         corners = self.faces[faces].ravel()
-        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than counting for all vertices
+        if len(corners) < len(self.vertices):  # sorting a few corners is faster than counting for all vertices
             return np.unique(corners).astype(np.int64)
         return np.flatnonzero(np.bincount(corners))
 
@@ -143,7 +143,7 @@ class Mesh:
     def group_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of a group of an OBJ file use.
 
-        Every word after `g` names a group, and so do all words of this line together. An `o` or `usemtl` line names one
+        Each word after `g` names a group, and the whole text after `g` names another. An `o` or `usemtl` line names one
         group. If lines of several kinds have the same name, `g` takes precedence, then `o`, then `usemtl`. The groups
         can differ from the parts and materials of the mesh.
 
@@ -263,7 +263,7 @@ def load(
     has faces with fewer than three corners; the mesh omits them.
     """
     check.choice("load", "pose", pose, _Pose)
-    known = sys.modules.get("trimesh")  # absent unless the caller has imported trimesh
+    known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif known is not None and isinstance(source, known.Trimesh | known.Scene):

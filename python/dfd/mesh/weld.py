@@ -29,9 +29,9 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
 
 
 def first_occurrences(values: NDArray[Any]) -> tuple[Int64, Int32]:
-    """Return the index (V,) of the first occurrence of each distinct value, ascending; a value can also be a row.
+    """Return the index (V,) of the first occurrence of each distinct value, ascending, and a number (N,) per value.
 
-    Also return for each of the N values which of the V distinct values it is, (N,).
+    `values` are N numbers, or N rows. Equal values have the same number from 0 to V − 1, in the order of the indices.
     """
     group = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     first = np.full(group.max(initial=-1) + 1, len(values))

@@ -10,12 +10,12 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # patches within this distance of a part's border do not connect its components, in patch spacings
+NECK = 1.5  # in patch spacings; patches within this distance of a part's border do not connect its components
 SMALL_COMPONENT = 0.1  # a component is small if its area is below this share of the largest component's area
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
-CREASE = 0.1  # the cost of a border is divided by e for each CREASE of its concavity
+CREASE = 0.1  # increase of concavity that divides the cost of a border by e
 MOVE_COST = 0.1  # cost of moving one patch to the other side, relative to the cost of a flat border one spacing long
-STEEPEST = 10.0  # concavity is multiplied by the patch spacing divided by the distance of the nodes, at most by this
+STEEPEST = 10.0  # concavity is multiplied by (patch spacing / distance of the two nodes), at most by this number
 COST_SCALE = 1e6  # integer cost of a flat border as long as the diagonal of the bounding box
 LARGEST_COST = 2**28
 
@@ -42,7 +42,7 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # Graph: the free nodes can change sides, the source is all other nodes of the part, the sink is all others outside.
+    # The graph has the nodes that can change sides, a source (the other nodes of the part), and a sink (all others).
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
@@ -67,7 +67,7 @@ def closed(patches: Patches, inside: Bool) -> Bool:
     """Return the patches of a part and of all regions that only this part connects to the body, (P,) bool.
 
     Such a region is the hoof of a leg. `inside` (P,) is True for the patches of the part. The body is the largest
-    component of the surface outside the part. If it has less than half of the area outside, `inside` is returned.
+    component of the surface outside the part. If the body has less than half of that surface, the result is `inside`.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
@@ -81,10 +81,10 @@ def closed(patches: Patches, inside: Bool) -> Bool:
 
 
 def components_of(patches: Patches, inside: Bool) -> Int64:
-    """Return the number of each patch's component, (P,), counted from 0; −1 outside the part `inside` (P,).
+    """Return the component number of each patch, (P,), counted from 0, or −1 outside the part `inside` (P,).
 
     Connections between components are ignored if they consist of patches within `NECK` of the border. Legs that meet
-    in a narrow web are thus separate components. Each other patch belongs to the nearest component.
+    in a narrow web are thus separate components. Each patch of such a connection belongs to the nearest component.
     """
     borders = patches.borders
     members = np.flatnonzero(inside)

@@ -37,14 +37,14 @@ MOST_HELD, LEAST_WITHIN = 0.7, 0.15
 # The likelihood of a tree node is multiplied by s ** HELD_BEYOND, where the node contains the share s of the surface
 # beyond the handle. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
 HELD_BEYOND, SALIENT = 3.0, 0.5
-SHORT = 0.2  # added to lengths of borders, in diagonals of the box: short borders often follow a crease by chance
+SHORT = 0.2  # in diagonals of the bounding box; added to border lengths: short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
 # Two parts of several components are joined if each has at least the saliency SURE, their components and borders have
 # similar sizes, and they do not touch. The distance of their mean features must also be below LESS_APART times the
 # distance of each part from its surroundings. This is repeated JOIN_ROUNDS times.
 SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
-EVEN = 0.05  # merge distance below which an increase to the parent's is noise
+EVEN = 0.05  # added to the divisor of `step`, because small increases of small merge distances are noise
 
 
 class Hierarchy:
@@ -55,7 +55,7 @@ class Hierarchy:
     inside
         (T, P) whether a patch belongs to a tree node.
     area, border
-        (T,) areas as shares of the surface, and lengths of the borders in diagonals of the box.
+        (T,) areas as shares of the surface, and lengths of the borders in diagonals of the bounding box.
     concavity, step
         (T,) mean concavity along the borders, in [0, 2], and relative increase of the merge distance to the parent, in
         [0, 1].
@@ -78,7 +78,7 @@ class Hierarchy:
         self._known_components: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
-        # Front legs can have features more similar to the trunk's than to those of the hind legs. Such pairs of
+        # Features of front legs can be more similar to those of the trunk than to those of the hind legs. So pairs of
         # similar parts get the same mean feature, and the tree is built again.
         for _ in range(JOIN_ROUNDS):
             if not (pairs := self._counterpart_pairs(values)):
@@ -111,7 +111,7 @@ class Hierarchy:
         self.cut, self.clear = self._clearest_cut()
 
     def _counterpart_pairs(self, values: Float64) -> list[Bool]:
-        """Return pairs of parts to join, (2, P) bool each, the most similar pair first, each part at most once."""
+        """Return pairs of parts to join, (2, P) bool each, the most similar pair first. No part is in two pairs."""
         nodes = [node for node in self.cut if self._may_be_part(node) and self.saliency(node) >= SURE]
         nodes = [node for node in nodes if len(self._components(node)[0]) > 1]
         if len(nodes) < 2:
@@ -154,8 +154,8 @@ class Hierarchy:
     def saliency(self, node: int) -> float:
         """Return the saliency of a tree node. Compare it only among tree nodes that contain the same patch.
 
-        Salient tree nodes end at creases, differ from their surroundings, and have short borders, such as a limb, a
-        head or a cup's handle. The length is the mean over the borders, so four legs are as salient as one.
+        Salient tree nodes, such as a limb, a head or a cup's handle, end at creases and differ from their surroundings.
+        They have short borders. The mean length of the borders counts, so four legs are as salient as one.
         """
         saliency = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] / (self.girth(node) + SHORT)
         return float(saliency * (CUT if node in self.cut else 1.0))
@@ -166,7 +166,7 @@ class Hierarchy:
         return float(clarity / np.sqrt(self.girth(node) + SHORT))
 
     def closed(self, node: int) -> Bool:
-        """Return the patches of a tree node, and of all regions that only it connects to the body, (P,) bool."""
+        """Return the patches of a tree node, and of all regions that only this node connects to the body, (P,) bool."""
         if node not in self._closed:
             self._closed[node] = closed(self._patches, self.inside[node])
         return self._closed[node]
@@ -175,10 +175,10 @@ class Hierarchy:
         """Return the tree node that a handle at a patch holds.
 
         This is the candidate whose `closed` patches have the largest expected IoU (intersection over union) with the
-        part that the user means. The likelihood of a candidate increases with its saliency. Below `SALIENT`, it also
-        increases with the share of the surface beyond the handle that the candidate contains, so a ring around a leg is
-        unlikely. An ancestor with at least twice as many components, all of similar size, replaces the candidate: hind
-        wheels then follow front wheels.
+        part that the user means. The likelihood of a candidate increases with its saliency. If the saliency is below
+        `SALIENT`, the likelihood also increases with the candidate's share of the surface beyond the handle, so a ring
+        around a leg is unlikely. An ancestor with at least twice as many components, all of similar size, replaces the
+        candidate: hind wheels then follow front wheels.
         """
         nodes, area = self.candidates(patch), self._patches.area
         whole = np.array([self.closed(node) for node in nodes])
@@ -227,7 +227,7 @@ class Hierarchy:
         return cuts[-1], clear
 
     def cut_labels(self) -> Int64:
-        """Return the index in `cut` of each patch, (P,); small parts join the part with the longest common border."""
+        """Return the index in `cut` of each patch's part, (P,). A small part joins the part that it touches most."""
         borders, area = self._patches.borders, self._patches.area
         part: Int64 = self.inside[self.cut].argmax(axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
@@ -263,7 +263,7 @@ class Hierarchy:
         return sums
 
     def _crossing(self, of_border: Float64) -> Float64:
-        """Return the sum of `of_border` (E,) over the outer borders of each tree node, (T,)."""
+        """Return the sum of `of_border` (E,) over the borders between each tree node and its surroundings, (T,)."""
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
@@ -299,7 +299,7 @@ def smoothed(patches: Patches, features: Float64) -> Float64:
 
     Borders are creases and large changes of the features. Source: Perona and Malik, "Scale-space and edge detection
     using anisotropic diffusion", 1990. Here, the conductance also decreases with concavity. Each round is one implicit
-    step.
+    time step.
     """
     borders, area = patches.borders, diags_array(patches.area)
     values = features - patches.area @ features

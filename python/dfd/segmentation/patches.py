@@ -20,9 +20,9 @@ NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that bot
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BESIDE = 0.2  # largest distance along the surface between patches beside each other, in diagonals of the box
+BESIDE = 0.2  # patches beside each other have at most this distance along the surface, in diagonals of the box
 STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
-MIDDLE = 1.5  # patches in the middle have at most MIDDLE times the smallest mean squared distance from those patches
+MIDDLE = 1.5  # in the middle, the mean squared distance from those patches is at most MIDDLE times the smallest
 BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
 
 
@@ -34,7 +34,7 @@ class Borders:
     pairs
         (E, 2) the patches on both sides of each border, the lower number first.
     length
-        (E,) lengths of the borders, in diagonals of the box; 0 across small gaps.
+        (E,) lengths of the borders, in diagonals of the bounding box; 0 across small gaps.
     concavity
         (E,) how much the normals of both patches point towards each other, in [−2, 2]; above 0 in a concave crease.
     apart
@@ -70,7 +70,7 @@ class Patches:
     Attributes
     ----------
     size
-        The diagonal of the mesh's box, in mesh units.
+        The diagonal of the mesh's bounding box, in mesh units.
     spacing
         The patch spacing: the side of a square with a patch's mean area, in diagonals of the box.
     of_node, of_vertex
@@ -82,7 +82,7 @@ class Patches:
     node_area
         (N,) areas of the nodes, in squared diagonals of the box.
     first
-        (N,) the first of the nodes that have the same position as each node, such as at a texture seam.
+        (N,) for each mesh node, the first mesh node at its position; at a texture seam, nodes share a position.
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -150,8 +150,8 @@ class Distal:
     def beyond(self, patch: int) -> Bool:
         """Return the patches on the distal side of a patch, (P,) bool.
 
-        The shortest paths from the middle to these patches pass through a patch beside the given one. A patch is beside
-        it if their distance is at most `BESIDE`, and patches at least as far from the middle connect both.
+        The shortest paths from the middle to these patches pass through a patch beside `patch`. Two patches are beside
+        each other if they are at most `BESIDE` apart and connected by patches at least as far from the middle.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
@@ -182,7 +182,7 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
             between = np.flatnonzero(node[:, one] != node[:, other])
             side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
             pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
-            # Length: the distance of the face's center from the side, which is a third of the triangle's height.
+            # The border's length in a face is a third of the face's height: the distance from its center to the side.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     return areas, normals, *joined
@@ -219,7 +219,7 @@ def _links(graph: csr_array, pairs: Int64) -> Int64:
 
 
 def _seeds(points: Float64, near: float) -> Int64:
-    """Return at most `MOST` indices of random `points` (N, 6) at least `near` apart; for more, `near` is increased."""
+    """Return indices of random `points` (N, 6) at least `near` apart. `near` is increased if more than `MOST` fit."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
     while True:  # until at most MOST points are chosen
