@@ -65,7 +65,7 @@ def check_sample(name: str) -> str:
 
 @contextmanager
 def recorded_warnings() -> Iterator[list[UserWarning]]:
-    """Yield an empty list. When the `with` block ends, add the UserWarnings that were given in it to the list."""
+    """Yield an empty list. When the `with` block ends, add all UserWarnings of the block to the list."""
     messages: list[UserWarning] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

@@ -37,7 +37,7 @@ class Editing:
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
         """Return the columns of each handle, and the values (V,) of new columns by their numbers.
 
-        The page lacks the new columns, so the caller must send them. It then has exactly the columns of the edit.
+        The page lacks the new columns, so the caller must send them. Then the page has exactly the columns of the edit.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
