@@ -10,7 +10,7 @@ const repository = place("../../../../../.venv/bin/python");
 const python = process.env.DFD_PYTHON ?? (existsSync(repository) ? repository : "python3");
 const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
-/** Return a schema without titles of keys, which would become types. Tuples use the keyword of older drafts. */
+/** Return a schema without titles of keys, which would become types. Tuples use `items`, as in older drafts. */
 function simplified(node, keepTitle = false) {
   if (Array.isArray(node)) return node.map((entry) => simplified(entry));
   if (node === null || typeof node !== "object") return node;

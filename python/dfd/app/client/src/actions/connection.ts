@@ -13,7 +13,7 @@ const DISMISSALS: Record<number, string> = {
   4403: "The server refused this page. Open the address that `dfd app` printed.",
 };
 
-const FIRST_WAIT = 400; // milliseconds between attempts to connect; the wait doubles after each attempt
+const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;
 /** Number of unsent bytes above which sliders and drags wait. */
 const CONGESTED = 16_384;

@@ -47,8 +47,8 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
-        label="With its counterparts"
-        hint="Counterparts move too. Click the mark of a counterpart in the view to switch it off or on."
+        label="Move counterparts too"
+        hint="Click the mark of a counterpart in the view to switch it off or on."
         value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />

@@ -15,7 +15,7 @@ export const LEAST_SEEN = 0.05;
 /** Largest number of samples; it is enough for whole percents. */
 const MOST_SAMPLES = 5_000;
 
-/** Sample `most` of `count` vertices. `positions` are (R, 3), `triangles` (F, 3), and `vertexOf` (R) maps rows. */
+/** Sample `most` of `count` vertices, from `positions` (R, 3), `triangles` (F, 3) and the vertex of each row (R). */
 export function surfaceOf(
   count: number,
   positions: Float32Array,

@@ -67,7 +67,7 @@ export const CLOSED = {
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
   hover: null as Picked | null,
-  /** Previewed weights: of a new handle at `vertex`, or of the selected handle with another part (null). */
+  /** Previewed weights: of a new handle at `vertex`; if `vertex` is null, of the selected handle with another part. */
   probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
   /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
