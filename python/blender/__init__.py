@@ -1,4 +1,4 @@
-"""Deep Feature Deformation weights in Blender: vertex groups of all vertices that look like the selected vertices."""
+"""Deep Feature Deformation weights in Blender, as vertex groups of the vertices that look like a selected vertex."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Build the extension: one ZIP file with its modules, the wheel of dfd, and the wheels that dfd imports in Blender.
+"""Build the extension: a ZIP file with its modules, the wheel of dfd, and wheels of the packages that dfd imports.
 
-Run `python python/blender/build.py FOLDER`. FOLDER contains the wheel of dfd, and the ZIP file is written there. It
-fits the platform and the Python version of the build. Blender 5.0 has Python 3.11.
+Run `python python/blender/build.py FOLDER`. FOLDER contains the wheel of dfd, and the ZIP file is written there. The
+extension needs the platform and the Python version that built it. Blender 5.0 has Python 3.11.
 """
 
 from __future__ import annotations

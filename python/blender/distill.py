@@ -46,7 +46,7 @@ class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
             )
         except (OSError, RuntimeError) as error:
             self._close()
-            self.report({"ERROR"}, f"dfd distill did not start: {error}. Set its path in the extension's preferences")
+            self.report({"ERROR"}, f"dfd distill did not start: {error}. Set the path of dfd in the preferences")
             return {"CANCELLED"}
         if bpy.app.background:
             self._process.wait()

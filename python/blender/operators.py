@@ -20,7 +20,7 @@ class OfMesh:
 
 
 class Step(OfMesh):
-    """Base class of operators that change a mesh. `work` returns a report, or raises ValueError or OSError."""
+    """Base class of operators that change a mesh. Their `work` returns a report, or raises ValueError or OSError."""
 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 

@@ -14,7 +14,7 @@ from .vertex_groups import refresh
 
 PRESET_ITEMS = [("default", "Default", "The defaults of dfd"), ("paper", "Paper", "The paper's equations exactly")]
 AXES = [
-    ("AUTO", "Best fit", "The object's or glTF's axes, whichever fit the bounding box of the field's shape better"),
+    ("AUTO", "Best fit", "Compare bounding boxes of the mesh and the field to choose one of the options below"),
     ("SAME", "The object's own", "The field has the same axes as the mesh in Blender"),
     ("Y_UP", "Y up, as glTF", "The field has the axes of a file that Blender rotated by 90 degrees during import"),
 ]
@@ -40,7 +40,7 @@ def _reset(settings: ObjectSettings, context: bpy.types.Context) -> None:
         settings.start(handle)
 
 
-PROPERTIES: dict[str, Any] = {}  # a Blender property for each control that changes weights
+PROPERTIES: dict[str, Any] = {}  # Blender properties for the controls that change weights
 WORDS: dict[str, tuple[str, str]] = {}  # for each switch, such as "reach_part": its control, and the word that it sets
 for name, (kind, said) in about(Controls).items():
     default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _update}
@@ -65,13 +65,13 @@ for name, (kind, said) in about(Controls).items():
 
 
 class HandleSettings(bpy.types.PropertyGroup):
-    """One handle with its controls. Its `name` is also the name of its vertex group."""
+    """One handle with its controls. The name of the handle is also the name of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
     note: bpy.props.StringProperty(description="Error of the last change")
 
     def controls(self) -> dict[str, Any]:
-        """Return the controls as in a session of dfd, without empty values of controls whose default is None."""
+        """Return the controls as arguments of `dfd.Deformer.add`. Empty values are omitted if the default is None."""
         given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
         given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
         return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}
@@ -81,7 +81,7 @@ HandleSettings.__annotations__.update(PROPERTIES)
 
 
 class ObjectSettings(bpy.types.PropertyGroup):
-    """The settings of an object, as its property `dfd`."""
+    """The settings of an object. They are the object's property `dfd`."""
 
     field: bpy.props.StringProperty(
         name="Field", description="A .field.safetensors file of this shape", subtype="FILE_PATH", update=_update_all

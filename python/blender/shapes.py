@@ -1,4 +1,4 @@
-"""Compute the weights and the parts of a mesh from its field. Data that needs no handle is computed once per shape.
+"""Compute the weights and the parts of a mesh from its field. Data that does not depend on handles is kept.
 
 The module does not import bpy, torch or pydantic.
 """
@@ -19,7 +19,7 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # tolerance relative to half the longest side; simplification changes a bounding box by less
+SAME_BOX = 1e-3  # tolerance of `_box_difference`; simplification of a mesh changes its bounding box by less
 
 
 class Shape:
@@ -27,7 +27,7 @@ class Shape:
 
     `vertices` (V, 3) are in the object's own coordinates, and `field` is the path of a `.field.safetensors` file.
     `axes` are the axes of the field: "SAME" are the object's axes, "Y_UP" are those of a glTF file, which Blender
-    rotates by 90 degrees during import. "AUTO" takes the axes that fit the field's shape better.
+    rotates by 90 degrees during import. "AUTO" takes those of the two that fit the field's bounding box better.
 
     Raises ValueError if the field cannot be read, or belongs to another shape. Raises OSError if the file does not
     exist.
@@ -36,8 +36,8 @@ class Shape:
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, field: Path, axes: Axes) -> None:
         self.field = dfd.Field.load(field)
         mesh = dfd.Mesh(vertices, triangles)
-        self.axes: Axes = ("Y_UP" if _fits_turned(self.field, mesh) else "SAME") if axes == "AUTO" else axes
-        self.mesh = dfd.Mesh(_turned(vertices), triangles) if self.axes == "Y_UP" else mesh
+        self.axes: Axes = ("Y_UP" if _fits_y_up(self.field, mesh) else "SAME") if axes == "AUTO" else axes
+        self.mesh = dfd.Mesh(_y_up(vertices), triangles) if self.axes == "Y_UP" else mesh
         check_compatible(self.field, self.mesh)
         self._weights = HandleWeights(self.mesh, self.field)
 
@@ -54,18 +54,18 @@ class Shape:
         return [part.vertices for part in self._weights.grips.parts.cut()]
 
 
-def _turned(vertices: np.ndarray) -> np.ndarray:
-    """Return vertices (V, 3) in the file's axes: (x, z, −y) for the vertex (x, y, z) in Blender."""
+def _y_up(vertices: np.ndarray) -> np.ndarray:
+    """Return vertices (V, 3) in the axes of a glTF file: (x, z, −y) for the vertex (x, y, z) in Blender."""
     return np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
 
 
-def _miss(field: dfd.Field, mesh: dfd.Mesh) -> float:
-    """Return the largest difference between the mesh's and the field's boxes, relative to half the longest side."""
+def _box_difference(field: dfd.Field, mesh: dfd.Mesh) -> float:
+    """Return how much the bounding boxes of mesh and field differ, as a fraction of half the longest side."""
     low, high = (np.asarray(mesh.bounds) - field.center) * field.scale
     return float(max(np.abs(low + high).max() / 2, abs((high - low).max() / 2 - 1)))
 
 
-def _fits_turned(field: dfd.Field, mesh: dfd.Mesh) -> bool:
-    """Return whether the rotated mesh fits the field's box at least as well. On a tie, y is up, as in most files."""
-    same, turned = _miss(field, mesh), _miss(field, dfd.Mesh(_turned(mesh.vertices), mesh.faces))
+def _fits_y_up(field: dfd.Field, mesh: dfd.Mesh) -> bool:
+    """Return whether the mesh fits the field's bounding box better with y up. On a tie, y is up, as in most files."""
+    same, turned = _box_difference(field, mesh), _box_difference(field, dfd.Mesh(_y_up(mesh.vertices), mesh.faces))
     return turned <= same + SAME_BOX

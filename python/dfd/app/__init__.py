@@ -1,4 +1,4 @@
-"""The app edits one shape in a browser tab: a server computes weights, a page draws. See `dfd.app.protocol`."""
+"""Edit one shape in a browser tab: a Python server computes weights, and the page draws. See `dfd.app.protocol`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 __all__ = ["show"]
 
-NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")
+NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # web pages that may show the app in a frame
 _SHOWN: dict[int, RunningApp] = {}  # the servers that `show` has started, by `id(deformer)`
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 SAMPLES = ("quadruped", "chair", "robot")  # the sample shapes on the start page
-SAMPLE_FACES = 20_000  # about the number of faces of a sample shape
+SAMPLE_FACES = 20_000  # approximate number of faces of a sample shape
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ Source = OpenedFile | str  # the source of a shape: a file, or the name of a sam
 
 @dataclass(frozen=True)
 class Opening:
-    """The files to open, all optional. If `mesh` is None, the field and the edit are for the mesh that is open."""
+    """The files to open, all optional. If `mesh` is None, field and edit belong to the mesh that is already open."""
 
     mesh: Source | None = None
     field: OpenedFile | None = None
@@ -44,7 +44,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class SessionOptions(Opening):
-    """The settings of every new session, and the files that it opens. Without a mesh, it shows the start page."""
+    """Settings and files for new sessions. Without `mesh` and `deformer`, a session shows the start page."""
 
     preset: Preset = "default"  # the preset of new edits and of distillation
     encoder: str = DEFAULT_ENCODER  # the name of an encoder, or its folder
@@ -65,7 +65,7 @@ def check_sample(name: str) -> str:
 
 @contextmanager
 def recorded_warnings() -> Iterator[list[UserWarning]]:
-    """Yield an empty list. When the `with` block ends, add the UserWarnings that were given in it to the list."""
+    """Yield an empty list. When the `with` block ends, add all UserWarnings of the block to the list."""
     messages: list[UserWarning] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
@@ -76,7 +76,7 @@ def recorded_warnings() -> Iterator[list[UserWarning]]:
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     """Return the mesh of `source`, and the warnings that reading it gave. The warnings contain no path of this machine.
 
-    Raises ValueError or OSError if `dfd.load` raises it.
+    Raises ValueError if no sample has the name `source`, and the exceptions of `dfd.load`.
     """
     if isinstance(source, str):
         import dfd.samples as samples

@@ -12,7 +12,7 @@ from dfd.app.protocol.requests import MODELS, union_of
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema. `Client` is any message of the page, and `Server` any message of the server."""
+    """Return the JSON Schema. `Client` describes all messages of the page, and `Server` all messages of the server."""
     answer: Any = union_of(Answer.__subclasses__())
     client = create_model("Client", __base__=Model, __doc__="Any request.", message=(union_of(MODELS), ...))
     server = create_model("Server", __base__=Model, __doc__="Any answer.", message=(answer, ...))

@@ -1,5 +1,5 @@
-# Builds the app's page into python/dfd/app/static if npm is installed and the page is older than its sources. Without
-# npm, or if npm fails, the package is built without a new page. A release (DFD_RELEASE=1) fails without a page.
+# Builds the page into python/dfd/app/static if npm is installed and the page is older than its sources. If npm is
+# missing or fails, there is no new page. With DFD_RELEASE=1, the build fails if npm fails or there is no page.
 set(client ${CMAKE_CURRENT_LIST_DIR})
 set(page ${client}/../static/index.html)
 

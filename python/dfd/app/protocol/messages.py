@@ -1,4 +1,4 @@
-"""The messages of the server, and the types of fields that requests share with them."""
+"""The messages of the server, and the types that both these messages and the requests of the page contain."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
@@ -18,7 +18,7 @@ from dfd.symmetry.plane import SymmetryPlane
 
 Index = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-# Ways to change the region of a handle. The last three set it to the scene part, material or component at the handle.
+# Ways to change the region of a handle. The last three hold the whole scene part, material or component at the handle.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
 
 
@@ -29,28 +29,28 @@ class Model(BaseModel):
 
 
 class Region(Model):
-    """A set of vertices. `mask` is base64 of bytes with one bit per vertex, the lowest bit of each byte first."""
+    """A set of vertices. `mask` is base64. Each byte has the bits of eight vertices, the lowest bit first."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-Place = Index | Region  # a vertex or a region
+Place = Index | Region  # the number of a vertex, or a region
 
-# The types of controls that have another type in an edit: in requests (GIVEN), and in the state (SHOWN).
+# Types of controls in requests (GIVEN) and in the state (SHOWN), if they differ from the control's type in an edit.
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
-    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex of each
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex per counterpart
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # a number also for the reach "part"
+    "reach": float,  # if the reach is "part", the number with the most similar effect
     "mask": int,  # number of vertices in the mask; 0 without a mask
     "excluded_counterparts": tuple[int, ...],  # a vertex on each excluded counterpart
 }
 
 
 def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Model]], type[Model]]:
-    """Return a decorator that adds a field for each control, with its type in `kinds`, or else its type in an edit."""
+    """Return a decorator that adds a field for each control. `kinds` replaces types, and `optional` allows None."""
     types = {name: kind for name, (kind, _) in about(controls.Controls).items()} | kinds
     fields: Any = {name: (kind | None, None) if optional else (kind, ...) for name, kind in types.items()}
     return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
@@ -59,10 +59,10 @@ def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Mo
 class Transform(Model):
     """New values of a handle's transform: scale along `axes`, then rotation, then translation, about the pivot.
 
-    Null keeps a value. `rotation` is a rotation vector in degrees. `axes` has one axis per row; "auto" is the mesh's
-    axes, and "normal" is a frame whose third axis is the surface normal at the handle. The pivot "auto" is found when
-    the handle rotates or scales. The held part is bent and twisted first, at the position `joint` of its axis. `bend`
-    is a rotation vector, or the angle by which the tip rotates upwards, and `twist` is an angle, all in degrees.
+    Null keeps the present value. `rotation` is a rotation vector in degrees. `axes` has one axis per row: "auto" gives
+    the mesh's own axes, and "normal" gives axes whose third is the surface normal at the handle. The pivot "auto" is
+    computed when the handle rotates or scales. Bend and twist act first, at the position `joint` on the held part's
+    axis. `bend` is a rotation vector, or the angle by which the tip rotates upwards. All angles are in degrees.
     """
 
     translation: Vector | None = None
@@ -77,7 +77,7 @@ class Transform(Model):
 
 @with_controls(GIVEN, optional=True)
 class Controls(Model):
-    """Controls and name of a handle; null keeps a value."""
+    """New values of the controls and the name of a handle. Null keeps the present value."""
 
     name: Text | None = None
 
@@ -111,7 +111,7 @@ KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
 class Answer(Model):
-    """The base class of all messages of the server. `id` is that of the answered request, or 0 without a request."""
+    """The base class of all messages of the server. `id` is the `id` of the answered request; 0 if there is none."""
 
     id: int = 0
 
@@ -124,11 +124,11 @@ class ControlEntry(Model):
     hint: str
     kind: Literal["number", "length", "choice", "switch"]
     choices: tuple[str, ...]  # words that the control accepts as values
-    slider: Vector | None  # both ends and the step; for a length, fractions of the box's diagonal
+    slider: Vector | None  # lowest value, highest value, step; lengths are fractions of the box diagonal
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
-    """Return the entries of the controls, in order, and of the preset. Places and regions have no entry."""
+    """Return the entries of all controls whose values are not places or regions, then the entry of the preset."""
     entries = []
     for name, (kind, said) in {**about(controls.Controls), "preset": about(Edit)["preset"]}.items():
         if said is None or said.repeated or name == "mask":
@@ -160,11 +160,11 @@ class StartMessage(Answer):
 
 
 class ColumnState(Model):
-    """A column of weights: of a whole handle, or of one counterpart."""
+    """A column of weights, which belongs to a whole handle or to one of its counterparts."""
 
-    column: int  # the number of its weights; columns with the same number have the same weights
+    column: int  # number of its weights in `ColumnsMessage`; columns with equal weights have equal numbers
     frame: Frame  # rows of the matrix F that rotates or reflects the handle's motion, see `dfd.app.protocol`
-    position: Vector  # position of the handle or the counterpart
+    position: Vector  # resting position of the handle or the counterpart
 
 
 @with_controls(SHOWN, optional=False)
@@ -173,15 +173,15 @@ class HandleState(PoseTransform):
 
     name: str | None
     vertex: int | None  # null for a point in space or a region
-    position: Vector  # its resting position
+    position: Vector  # resting position of the handle
     pivot: Vector  # center of rotation and scale
-    pivot_set: bool  # whether the pivot was given or found; if not, `pivot` is `position`
-    pivot_at: PivotAt | None  # name of the pivot; null if it was given in numbers, or not at all
-    reach_by: Literal["number", "part"]  # how the reach was given; `reach` is the resulting number
+    pivot_set: bool  # whether the transform has a pivot; if not, `pivot` is `position`
+    pivot_at: PivotAt | None  # name of the pivot; null if the pivot has no name
+    reach_by: Literal["number", "part"]  # whether the reach is "part"; `reach` is a number in both cases
     mask_part: bool  # whether the mask is the handle's part
-    region: int  # number of vertices in its region; 0 for a point
+    region: int  # number of vertices in the handle's region; 0 for a point
     columns: tuple[ColumnState, ...]
-    moved: bool  # whether its transform moves any point
+    moved: bool  # whether the transform moves any point
 
 
 class FixedState(Model):
@@ -197,20 +197,20 @@ class FieldState(Model):
     """The status of the shape's field, and its origin."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
-    origin: str | None  # "file", "cache", "distilled"
-    parts: tuple[PartChange, ...] = ()  # the ways to change a handle's part that this shape allows now
+    origin: str | None  # "file", "cache" or "distilled"; null without a field
+    parts: tuple[PartChange, ...] = ()  # the ways to change a handle's region that are available now
 
 
 class StateMessage(Answer):
     """The whole present state, sent after every change."""
 
     type: Literal["state"] = "state"
-    after: int  # the `id` of the newest request whose changes it includes
+    after: int  # the `id` of the newest request whose changes this state includes
     handles: tuple[HandleState, ...] = ()
     fixed: tuple[FixedState, ...] = ()
     symmetry: SymmetryPlane | None = None
     planes: tuple[SymmetryPlane, ...] = ()  # the planes of symmetry that were found
-    default: PoseTransform | None = None  # D₀ with its pivot, as handle 0
+    default: PoseTransform | None = None  # D₀ with its pivot; its `handle` is 0
     preset: Preset
     can_undo: bool = False
     can_redo: bool = False
@@ -225,7 +225,7 @@ class DoneMessage(Answer):
 
 
 class FailureMessage(Answer):
-    """The request failed and changed nothing. With `id` 0, background work failed, or gave a warning."""
+    """The request failed and changed nothing. If `id` is 0, background work failed or gave a warning."""
 
     type: Literal["failure"] = "failure"
     message: str  # a sentence for the user
@@ -267,13 +267,13 @@ class SuggestionsMessage(Answer):
 class SimilarPoint(Model):
     """A counterpart of a handle."""
 
-    vertex: int  # the vertex that identifies it in `excluded_counterparts`
+    vertex: int  # the vertex that identifies the counterpart in `excluded_counterparts`
     position: Vector
-    on: bool  # whether it moves with the handle
+    on: bool  # whether the counterpart moves with the handle
 
 
 class SimilarMessage(Answer):
-    """Answer to `counterparts`: the handle's own place first, then the others in order of similarity."""
+    """Answer to `counterparts`. `places` begins with the handle's own place; the most similar counterpart is next."""
 
     type: Literal["similar"] = "similar"
     handle: int
@@ -286,7 +286,7 @@ class AxisMessage(Answer):
     type: Literal["axis"] = "axis"
     handle: int
     pivots: tuple[PivotAt, ...]
-    auto: Vector  # the default pivot at rest, mesh units
+    auto: Vector  # the pivot that "auto" gives, on the resting shape
     base: Vector | None  # start of the axis; null if the handle holds no part with an axis
     tip: Vector | None  # end of the axis
 
@@ -297,7 +297,7 @@ class DownloadMessage(Answer):
     type: Literal["download"] = "download"
     url: str
     name: str
-    said: str = ""  # how the file differs from the page; empty if it does not
+    said: str = ""  # how the exported shape differs from the shape on the page; empty if it does not
 
 
 class MaterialEntry(Model):
@@ -320,18 +320,18 @@ class Group(Model):
 
 
 class MeshMessage(Answer):
-    """The resting shape. It is drawn from R rows; a vertex on a seam has several rows. Weights belong to vertices.
+    """The resting shape in R rows. A row has one vertex, normal, uv and color; a vertex on a seam has several rows.
 
     Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), the row of each corner;
-    `vertex` uint32 (R,), the vertex of each row; `normals` int16 (R, 4), unit normals times 32767, then 0. If the file
-    has them: `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred; the image files of textures.
+    `vertex` uint32 (R,), the vertex of each row; `normals` int16 (R, 4), unit normals times 32767, then 0. Optional:
+    `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred (sRGB); the image file of each texture.
     """
 
     type: Literal["mesh"] = "mesh"
     name: str
     vertices: int
     faces: int
-    parts: int
+    parts: int  # number of scene parts of the file
     center: Vector
     diagonal: float
     groups: tuple[Group, ...]
@@ -350,20 +350,20 @@ class ColumnsMessage(Answer):
 
 
 class HeatMessage(Answer):
-    """Answer to `probe` and `take_part`: `values` uint16 (V,), weights times 65535."""
+    """Answer to `probe` and `take_part`. The array `values` uint16 (V,) has weights times 65535."""
 
     type: Literal["heat"] = "heat"
-    vertex: int | None
+    vertex: int | None  # the vertex of the `probe`; null for `take_part`
 
 
 class PositionsMessage(Answer):
-    """Answer to `compute`: `positions` float32 (V, 3), relative to the mesh's center, and `normals` int16 (V, 4)."""
+    """Answer to `compute`. Arrays: `positions` float32 (V, 3), relative to the center; `normals` int16 (V, 4)."""
 
     type: Literal["positions"] = "positions"
 
 
 class ColorsMessage(Answer):
-    """Answer to `features`: `colors` uint8 (V, 4)."""
+    """Answer to `features`. Array: `colors` uint8 (V, 4), display-referred (sRGB)."""
 
     type: Literal["colors"] = "colors"
 

@@ -35,7 +35,7 @@ MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
-    """Register `handler` for requests of its name. Its first parameter is the session; the others are the fields."""
+    """Register `handler` for requests of its name. Its parameters after the session are the fields."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {

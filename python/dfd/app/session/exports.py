@@ -26,7 +26,7 @@ LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`. Return its path and, for a rig, the report of the export.
+    """Write a file of the format `kind` into `folder`. Return its path, and a report for rigs and animations (else "").
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 
@@ -56,7 +56,7 @@ def file_stem(name: str) -> str:
 
 
 def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
-    """Write the poses as an animated skin, or as morph targets if a part bends or a skin fails; return the report."""
+    """Write an animated skin, or morph targets if a part bends or the skin fails. Return the report of the export."""
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
     existing = {handle.id for handle in deformer.handles}
@@ -76,7 +76,7 @@ def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
 
 
 def _mesh(deformer: Deformer, path: Path) -> Path:
-    """Write the posed mesh, and return its path. If the format needs several files, return a ZIP file of them."""
+    """Write the posed mesh, and return its path. If the format needs several files, write them into a ZIP file."""
     deformer.mesh.save(path, deformer.vertices)
     files = sorted(path.parent.iterdir())
     if len(files) == 1:

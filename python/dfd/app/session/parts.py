@@ -1,4 +1,4 @@
-"""The parts of a shape that its handles can hold, or that can limit a handle as its mask."""
+"""Find the parts of a shape that handles can hold. A part can also be the mask that limits a handle."""
 
 from functools import cached_property
 from typing import Any
@@ -29,7 +29,7 @@ class ShapeParts:
 
     @property
     def ways(self) -> tuple[PartChange, ...]:
-        """Return the changes that the shape allows: "material" only if there are several materials, for example."""
+        """Return the changes that this shape allows. For example, "material" needs several materials."""
         several = (name for name, label in self._labels.items() if label.min() < label.max())
         return ("smaller", "larger", "add", "remove", *several)
 
@@ -48,13 +48,13 @@ class ShapeParts:
         }
 
     def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
-        """Return the part at a vertex; with `alike`, its counterparts belong to it."""
+        """Return the part at a vertex. With `alike`, the part includes its counterparts."""
         return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> VertexSet:
-        """Return a handle's region after the change `how`; "add" and "remove" add or remove the part at `vertex`.
+        """Return a handle's region after the change `how`. "add" and "remove" add or remove the part at `vertex`.
 
-        Raises ValueError if there is no such part, or the region would be empty.
+        Raises ValueError if there is no such part, `vertex` is missing, or the region would be empty.
         """
         mesh = self._mesh
         if how in ("add", "remove"):
@@ -73,7 +73,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the part at a vertex that is the next smaller or larger one than the handle's present region."""
+        """Return the next smaller or next larger part at a vertex, compared with the handle's present region."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region
@@ -99,7 +99,7 @@ class ShapeParts:
         return self.at(self._deformer.bound.rows.anchor(handle.place))
 
     def limits(self, handle: Handle) -> bool:
-        """Return whether the handle's mask is its part."""
+        """Return whether the handle's mask is the part that the handle holds."""
         mask = handle.controls.mask
         if not isinstance(mask, VertexSet):
             return False

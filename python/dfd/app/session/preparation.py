@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-# The stages of a distillation in order, and their usual seconds with the default settings on two cores.
+# The stages of a distillation in order, and their usual duration in seconds (default settings, two CPU cores).
 USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
-INTERVAL = 0.1  # seconds; the shortest time between progress messages of one stage, except the last
+INTERVAL = 0.1  # seconds; shortest time between two progress messages of a stage, except the last message
 
 
 @dataclass
@@ -39,13 +39,13 @@ class SharedShape:
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the hashes of mesh and field
-_DISTILLING = threading.Lock()  # the running distillation holds this lock: two at once would each take twice as long
+_DISTILLING = threading.Lock()  # held while one distillation runs, because two at once are no faster
 
 
 class Preparation:
     """The background work for the shape of a session. `source` is the file or the sample that contains the shape.
 
-    It passes progress and results to methods of the session, which it calls on the session's thread.
+    Methods of the session receive progress and results. They are called on the session's thread.
     """
 
     def __init__(self, session: Any, mesh: Mesh, source: Source) -> None:
@@ -77,7 +77,7 @@ class Preparation:
             self._process.kill()
 
     def drop(self) -> None:
-        """Stop a distillation, and call no method of the session any more."""
+        """Stop a distillation. After this, no method of the session is called."""
         self._dropped = True
         self.cancel()
 
@@ -180,7 +180,7 @@ class Preparation:
 
 
 def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> float | None:
-    """Estimate the remaining seconds of a distillation after `done` of `total` items of `stage`; None if unknown."""
+    """Estimate the remaining seconds of a distillation after `done` of `total` items of `stage`. None means unknown."""
     if stage not in USUAL_SECONDS:
         return None
     names = list(USUAL_SECONDS)
@@ -197,7 +197,7 @@ def distill_apart(
     tell: Callable[[str, int, int | None], object],
     started: Callable[[BaseProcess], object],
 ) -> None:
-    """Distill a shape in a new process, and save its field at `path`. A crash of the process does not end this one.
+    """Distill a shape in a new process, and save its field at `path`. If that process crashes, the server continues.
 
     `settings` are the arguments of `dfd.distill`. `tell` is called with the name of a stage, the number of finished
     items and their total. `started` is called with the process, so that the caller can kill it.
@@ -208,7 +208,7 @@ def distill_apart(
     messages, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_distill, args=(source, settings, path, theirs), daemon=True)
     process.start()
-    theirs.close()  # otherwise the pipe stays open when the process ends
+    theirs.close()  # so that the pipe closes when the process ends
     started(process)
     message: Any = None
     with messages, suppress(EOFError, OSError):

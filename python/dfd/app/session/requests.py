@@ -75,7 +75,7 @@ def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
-    """Pose the shape with `transforms` in place of the handles' own. Null poses the present edit.
+    """Pose the shape. `transforms` replace the transforms of handles; null poses the present edit.
 
     Answer: `positions`. Only the newest request is answered.
     """
@@ -132,14 +132,14 @@ def axis(session: Session, handle: int) -> messages.Answer:
 @request
 def add(session: Session, at: Place) -> None:
     """Add a handle."""
-    session.change(lambda deformer: deformer.add(_known(session, at)))
+    session.change(lambda deformer: deformer.add(_decoded(session, at)))
 
 
 @request
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Change the region of a handle, and its mask if that is its part; "add" and "remove" use the part at `vertex`.
+    """Change the region of a handle, and its mask if the mask is its part. "add" and "remove" need `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
@@ -167,8 +167,8 @@ def move(
 ) -> None:
     """Set values of a handle's transform, relative to the resting shape.
 
-    A drag is one `move` and then moves with `merge`. Together they are one step of undo. The server does not send
-    `state` for a move with `merge`, unless the move has `settle`, as the last move of a drag, or changed `controls`.
+    A drag is one `move` without `merge`, then several with `merge`; together they are one step of undo. After a `move`
+    with `merge`, the server sends `state` only if `controls` change, or with `settle`, as in the last `move` of a drag.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
@@ -186,13 +186,13 @@ def move(
 
 @request
 def pose(session: Session, transforms: PoseTransforms) -> None:
-    """Set the transforms of several handles, as one step."""
+    """Set the transforms of several handles, as one step of undo."""
     session.change(lambda deformer: _move_all(deformer, transforms))
 
 
 @request
 def reset(session: Session, handle: int | None = None) -> None:
-    """Reset the transform of a handle, or of all handles if `handle` is null, as one step."""
+    """Reset the transform of a handle, or of all handles if `handle` is null, as one step of undo."""
     zero = (0.0, 0.0, 0.0)
 
     def work(deformer: Any) -> None:
@@ -220,7 +220,7 @@ def remove(session: Session, handle: int) -> None:
 @request
 def fix(session: Session, at: Place) -> None:
     """Fix a point or a region, with all surface that looks like it."""
-    session.change(lambda deformer: deformer.fix(_known(session, at)))
+    session.change(lambda deformer: deformer.fix(_decoded(session, at)))
 
 
 @request
@@ -253,19 +253,19 @@ def set_symmetry(
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
-    """Mirror handles across `plane`, or no plane if null. With `merge`, successive changes are one step of undo."""
+    """Set the plane of symmetry; null removes it. With `merge`, successive changes are one step of undo."""
     session.change(lambda deformer: deformer.set_symmetry(plane, band=band), "symmetry", merge=merge)
 
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set the preset, and its values of reach, falloff and counterparts for every handle, as one step."""
+    """Set the preset, and its values of reach, falloff and counterparts for every handle, as one step of undo."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
-    """Set D₀, the transform of everything that no handle holds; all null removes it. `merge` as in `set_symmetry`."""
+    """Replace D₀, which moves vertices without weights. Null is the identity's value. `merge` as in `set_symmetry`."""
     parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
@@ -286,7 +286,7 @@ def redo(session: Session) -> None:
 
 @request
 def clear(session: Session) -> None:
-    """Remove all handles and fixed places, as one step; the mirror plane stays."""
+    """Remove all handles and fixed places, as one step of undo. The plane of symmetry stays."""
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
 
 
@@ -296,10 +296,10 @@ def export(
     format: exports.Kind,  # noqa: A002
     transforms: PoseTransforms | None = None,
 ) -> messages.Answer:
-    """Export the shape as the page shows it, the edit or the field.
+    """Write a file for download. Answer: `download`.
 
-    `transforms` replace those of the edit, if the page shows others. "rig" is a GLB file with joints, "morph" has morph
-    targets instead, and "animation" is a GLB file that animates the key poses. Answer: `download`.
+    `transforms` replace the transforms of the edit if the page shows another pose. The formats "rig", "morph" and
+    "animation" are GLB files: with joints, with morph targets, and with an animation of the key poses.
     """
     deformer, number = session.deformer, secrets.token_hex(16)
     folder = session.folder / number
@@ -320,7 +320,7 @@ class _TakenBackError(Exception):
 
 @contextmanager
 def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[None]:
-    """Set `transforms` of handles inside the `with` block. Discard these and all other changes when it ends."""
+    """Set `transforms` of handles inside the `with` block. When the block ends, discard all its changes."""
     with suppress(_TakenBackError), deformer.step():
         _move_all(deformer, transforms or ())
         yield
@@ -333,8 +333,8 @@ def _move_all(deformer: Any, transforms: PoseTransforms) -> None:
         deformer.move(**{name: at_rest[name] if part is None else part for name, part in each})
 
 
-def _known(session: Session, value: Any) -> Any:
-    """Return the vertices of a region, in ascending order. Return any other value unchanged."""
+def _decoded(session: Session, value: Any) -> Any:
+    """Return the vertices (N,) of a `Region`, in ascending order. Return a value of another type unchanged."""
     if not isinstance(value, messages.Region):
         return value
     count = len(session.deformer.mesh.vertices)
@@ -351,4 +351,4 @@ def _known(session: Session, value: Any) -> Any:
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:
-    return {name: _known(session, value) for name, value in controls if value is not None}
+    return {name: _decoded(session, value) for name, value in controls if value is not None}

@@ -27,7 +27,7 @@ from dfd.symmetry.plane import SymmetryPlane
 NO_FIELD = messages.FieldState(status="none", origin=None)
 STATUS = {"distill": "distilling", "prepare": "preparing"}  # the status of the field while a task runs
 FUNCTION = re.compile(r"^\w+(\.\w+)?: ")  # error messages of the package start with the name of the function: `bind: …`
-# Remedies in error messages that only Python offers, and what the page says instead.
+# Advice in error messages that is only for Python, and its replacement on the page.
 REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd deform --made-on`"}
 
 log = logging.getLogger("dfd.app")
@@ -48,7 +48,7 @@ class Session:
     ) -> None:
         self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
-        self._progress: messages.ProgressMessage | None = None  # the last message of the running task
+        self._progress: messages.ProgressMessage | None = None  # the last progress message of the running task
         self._warnings: list[str] = []  # warnings that reading the shape gave
         self.after = 0  # the `id` of the newest request
         self._names: dict[str, str] = {}  # original names of opened files, by path
@@ -74,7 +74,7 @@ class Session:
                 self.attach()
 
     def open(self, given: Opening) -> None:
-        """Open a mesh, a field and an edit, each optional. Without a mesh, the others are for the mesh that is open.
+        """Open a mesh, a field and an edit, each optional. Without a mesh, the others belong to the mesh that is open.
 
         Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
@@ -100,7 +100,7 @@ class Session:
             self._uploads.append(given.folder)
 
     def _open_mesh(self, source: Source, *, find_field: bool) -> None:
-        """Replace the open shape."""
+        """Replace the open shape. With `find_field`, the new shape's field is found or distilled."""
         name = source.capitalize() if isinstance(source, str) else source.name
         self.tell_progress("open", "read")
         try:
@@ -149,7 +149,7 @@ class Session:
 
     @request
     def distill(self) -> None:
-        """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
+        """Distill the shape's field in the background. The server sends `progress`, then `columns` and `state`."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
         if self.field.status != "none":
@@ -269,7 +269,7 @@ class Session:
         self.tell_state()
 
     def run_deferred(self) -> None:
-        """Between requests, send the edit if Python has changed it, and the report of a changed edit."""
+        """Send the state if Python code has changed the edit, and the report of a new edit. Called between requests."""
         editing = self.editing
         if editing is None:
             return

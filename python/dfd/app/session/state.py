@@ -1,4 +1,4 @@
-"""The state that the page shows of a shape with a field: its handles, and the columns of weights that pose it."""
+"""Collect what the page shows of a shape with a field: its handles, and the columns of weights that pose it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ class Editing:
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
         """Return the columns of each handle, and the values (V,) of new columns by their numbers.
 
-        New columns are those that the page lacks. From now on, the page has exactly the columns of the present edit.
+        The page lacks the new columns, so the caller must send them. Then the page has exactly the columns of the edit.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
@@ -56,7 +56,7 @@ class Editing:
         return states, new
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
-        """Return the state, given the columns of each handle. `common` are the entries that any open shape has."""
+        """Return the state. `columns` has the columns of each handle, and `common` the entries that need no handles."""
         deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
         motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
         pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot
@@ -104,7 +104,7 @@ class Editing:
         return 0 if region is None else len(members(self.deformer.mesh, region))
 
     def check_drawable(self) -> None:
-        """Raise ValueError if a number in a transform exceeds 1e30, or the edit cannot be bound."""
+        """Raise ValueError if a number in a transform exceeds 1e30, or the edit has no valid weights."""
         deformer = self.deformer
         matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
         if deformer.default is not None:

@@ -73,7 +73,7 @@ def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
 
 
 def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
-    """Return the unit normals (N, 3) of the `used` rows: the file's, which keep sharp edges, or else smooth normals."""
+    """Return unit normals (N, 3) of the `used` rows: those of the file, which keep sharp edges, else smooth normals."""
     normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
     if scene is None or len(vertex) != len(scene.vertex):  # face colors have split the file's rows

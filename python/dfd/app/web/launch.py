@@ -20,7 +20,7 @@ DEFAULT_PORT = 8765
 
 
 class RunningApp:
-    """A server of the app, on a thread between `start` and `stop`, or inside `run`. Port 0 takes any free port.
+    """A server of the app. `start` serves on a new thread, and `run` on the present one. Port 0 is any free port.
 
     Web pages of the origins `frame_ancestors` may show the app in a frame.
 

@@ -67,7 +67,7 @@ def loopback(host: str) -> bool:
 
 
 class Guard:
-    """Middleware that rejects requests by the rules, and adds headers for security and caching to all responses."""
+    """Middleware that rejects requests that violate the rules, and adds headers for security and caching."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:
         self._app, self._rules = app, rules
@@ -117,7 +117,7 @@ class Guard:
         return None
 
     def _admit(self, request: HTTPConnection) -> Response:
-        """Return a response that sets the cookie if the request has the token, or else refuses the request."""
+        """Return a response: it sets the cookie if the request has the token, and otherwise refuses the request."""
         if request.scope.get("method") == "GET":
             if self._rules.is_token(request.query_params.get("token")):
                 rest = request.url.remove_query_params("token").query

@@ -40,7 +40,7 @@ class Tab:
         threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
 
     def call(self, work: Callable[[], None]) -> None:
-        """Queue `work` for the session's thread. If it raises an exception, the page gets that as a failure."""
+        """Queue `work` for the session's thread. If `work` raises an exception, the page gets a `failure`."""
         self._inbox.put(work)
 
     def ask(self, text: str) -> None:

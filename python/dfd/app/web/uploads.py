@@ -19,7 +19,7 @@ FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
 MOST_FILES = 500
 DEEPEST = 6  # largest depth of folders in a ZIP file
 CHUNK = 1 << 20  # bytes
-# Safe names of folders and files. They may contain what material files use, but must not begin with a dot.
+# Safe names of folders and files. Characters of usual texture names are allowed, but no dot at the beginning.
 SAFE = re.compile(r"[\w+()\[\]@=,' -][\w.+()\[\]@=,' -]{0,120}")
 UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
               EOFError, OSError, struct.error)  # fmt: skip
@@ -94,7 +94,7 @@ class _Upload:
         self.paths[original] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """Return the only file with one of `endings`, or None. Several files raise ValueError unless ignored."""
+        """Return the only file with one of `endings`, or None. Several raise ValueError unless `ignore_several`."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")

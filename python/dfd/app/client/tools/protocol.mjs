@@ -10,7 +10,7 @@ const repository = place("../../../../../.venv/bin/python");
 const python = process.env.DFD_PYTHON ?? (existsSync(repository) ? repository : "python3");
 const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
-/** Return a schema without titles of single keys, which would become types, and with tuples as in older drafts. */
+/** Return a schema without titles of keys, which would become types. Tuples use `items`, as in older drafts. */
 function simplified(node, keepTitle = false) {
   if (Array.isArray(node)) return node.map((entry) => simplified(entry));
   if (node === null || typeof node !== "object") return node;
@@ -26,7 +26,7 @@ function simplified(node, keepTitle = false) {
   return Object.fromEntries(entries);
 }
 
-// The server writes every key, even if it has its default value.
+// The server writes every key, even a key with its default value, so all keys are required.
 for (const [name, definition] of Object.entries(schema.$defs)) {
   if (/Message$|State$/.test(name)) definition.required = Object.keys(definition.properties);
 }
@@ -36,6 +36,6 @@ const types = await compile(simplified(schema, true), "Protocol", {
   additionalProperties: false,
   style: { printWidth: 120 },
 });
-// Messages are never changed, so that their arrays are readonly.
+// Messages are never changed, so their arrays are readonly.
 const tuples = types.replace(/\[(?=number,|\s*\[)/g, "readonly [").replace(/(\w+)\[\]/g, "readonly $1[]");
 writeFileSync(place("../src/protocol/messages.ts"), tuples);

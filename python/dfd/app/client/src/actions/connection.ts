@@ -6,14 +6,14 @@ import { problem } from "./toasts";
 
 const SESSION_KEY = "dfd-session";
 
-/** Close codes after which the server would refuse another connection. */
+/** Close codes after which the page does not connect again, and the reasons that it shows. */
 const DISMISSALS: Record<number, string> = {
   4001: "This session was opened in another tab.",
   4002: "This session has ended. Reload the page to start a new one.",
   4403: "The server refused this page. Open the address that `dfd app` printed.",
 };
 
-const FIRST_WAIT = 400;
+const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;
 /** Number of unsent bytes above which sliders and drags wait. */
 const CONGESTED = 16_384;

@@ -74,7 +74,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Send the newest request of each `key` at intervals. `merge` tells the request to join the previous undo step. */
+/** Call the newest `request` of each `key` at intervals, with `merge` if it must join the previous undo step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -165,7 +165,7 @@ export function setMotion(part: Partial<Transform>): void {
   showAhead(known.handle, { transform }, move(known.handle, message(known.handle, transform)));
 }
 
-/** Set some values of a transform. The server replaces a name, for example of a pivot, by its value. */
+/** Set some values of a transform. The server replaces names, for example that of a pivot, by numbers. */
 export function move(handle: number, transform: Move["transform"]): number {
   return send({ type: "move", handle, transform, settle: true });
 }

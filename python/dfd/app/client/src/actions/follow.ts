@@ -26,7 +26,7 @@ export function follow(): void {
     (state) => state.look === "features" && ready(state) && state.mesh,
     (wanted) => wanted && send({ type: "features" }),
   );
-  // Ask for the pose after every change that the shader does not support. During a drag, `sendDrag` asks for it.
+  // If the shader does not support the pose, request it after every change. During a drag, `sendDrag` requests it.
   store.watch(serverPoses, (on) => {
     if (!on) store.set({ posed: null });
   });

@@ -8,7 +8,7 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** The keys as the help shows them, their group, label and action, and whether the start page has them too. */
+/** The keys as the help shows them, their group, label and action, and whether they also work on the start page. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
@@ -68,13 +68,13 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
   ["Delete", "Handle", "Remove", withSelected((handle) => send({ type: "remove", handle }))],
   ["Esc", "Handle", "Cancel, or deselect", escape, true],
-  ["H", "Tools", "Hold points", set({ tool: "hold" })],
+  ["H", "Tools", "Add handles", set({ tool: "hold" })],
   ["X", "Tools", "Fix points", set({ tool: "fix" })],
   ["B", "Tools", "Brush", set({ tool: "paint" })],
   ["M", "Tools", "Box", set({ tool: "box" })],
   ["P", "Tools", "Move the pivot", set({ tool: "pivot" })],
   ["G", "Tools", "Suggest handles", edit.suggest],
-  ["Shift G", "Tools", "Hold the next suggestion", holdNext],
+  ["Shift G", "Tools", "Add the next suggested handle", holdNext],
   ["C", "View", "Compare with the original", () => ready(store.get()) && toggle("comparing")],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
   ["V", "View", "X-ray", () => toggle("xray")],

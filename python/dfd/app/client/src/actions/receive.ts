@@ -6,7 +6,7 @@ import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
 import { note, problem } from "./toasts";
 
-/** Stages of background work that has ended. */
+/** Stages that report the end of background work. */
 const ENDED = ["done", "cancelled", "failed"];
 
 export function receive({ message, payload }: Received): void {

@@ -38,7 +38,7 @@ function set(poses: KeyPose[]): void {
   send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
 }
 
-/** Return the transform of each handle at a moment. A handle that a pose does not mention is at rest in it. */
+/** Return the transform of each handle at a moment. A handle that a pose does not contain is at rest in that pose. */
 export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number, Transform> {
   const after = poses.findIndex((pose) => pose.seconds > seconds);
   const last = poses.length - 1;
@@ -64,7 +64,7 @@ export function leave(): void {
   store.set({ moment: null, playing: false });
 }
 
-/** Replace the edit by the shown moment. */
+/** Set the transforms of the edit to those of the shown moment. */
 export function applyMoment(): void {
   const { moment } = store.get();
   const transforms = seenTransforms();

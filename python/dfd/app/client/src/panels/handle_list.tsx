@@ -21,7 +21,7 @@ export function HandleList() {
       {handles.length === 0 ? (
         <p class="empty">
           {ready({ edit })
-            ? "Click a point of the shape to add a handle. All similar parts follow it."
+            ? "Click a point of the shape to add a handle. All similar parts follow the handle."
             : "You can add handles after the features are learned."}
         </p>
       ) : (

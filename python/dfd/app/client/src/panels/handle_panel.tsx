@@ -47,8 +47,8 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
-        label="With its counterparts"
-        hint="Counterparts move too. Click their marks in the view to switch single ones."
+        label="Move counterparts too"
+        hint="Click the mark of a counterpart in the view to switch it off or on."
         value={handle.counterparts !== "only"}
         onChange={(on) => change(id, { counterparts: on ? all : "only" })}
       />
@@ -66,8 +66,8 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         <Counterparts state={state} handle={id} />
         {others.map((name) => verb[name])}
         <Select
-          label="Turns about"
-          hint="The automatic pivot is the base of a limb, or the middle of another part"
+          label="Rotate about"
+          hint="The automatic pivot is the base of a limb, or the middle of any other part"
           value={pivot}
           options={["auto", ...pivots, ...(pivot === "as set" ? [pivot] : [])]}
           named={{ auto: "automatic pivot", ...PIVOTS }}
@@ -94,7 +94,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
 
 const MOTIONS = {
   translate: ["translation", "Move", "The translation in units of the file"],
-  rotate: ["rotation", "Rotate °", "The axis of rotation times its angle"],
+  rotate: ["rotation", "Rotate °", "The rotation vector: the direction is the axis, the length is the angle"],
   scale: ["scale", "Scale", "Factors along x, y and z"],
 } as const;
 
@@ -201,7 +201,7 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons that change the held part. While the pointer is over a button, the view shows the part that it gives. */
+/** Buttons that change the held part. While the pointer is on a button, the view shows the part after the change. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);

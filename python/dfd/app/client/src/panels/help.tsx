@@ -6,7 +6,7 @@ import { IconButton } from "../widgets/controls";
 
 type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
-  ["Click", "Hold a point"],
+  ["Click", "Add a handle"],
   ["Drag", "Orbit; the right button pans"],
   ["Wheel", "Zoom; during a drag, change the reach"],
   ["Shift Click", "Add a part to the held part"],

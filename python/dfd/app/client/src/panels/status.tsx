@@ -6,7 +6,7 @@ import { held } from "../viewer/scene";
 import { Button, IconButton, percent, titled } from "../widgets/controls";
 
 const HINTS = {
-  hold: "Click a point to hold it · drag to orbit",
+  hold: "Click a point to add a handle · drag to orbit",
   fix: "Click a point to fix it · click it again to release it",
   paint: "Paint the shape · Shift erases · right button orbits",
   box: "Draw a box over the shape · Shift erases · right button orbits",
@@ -40,12 +40,12 @@ export function StatusLine() {
   );
 }
 
-/** Return a text about the reach of the dragged handle, which the wheel changes. */
+/** Return a text about the reach of the dragged handle. The wheel changes the reach. */
 function dragText(state: State): string {
   const known = selectedHandle(state);
   if (!known) return "";
   const { reach, handle } = present(state, known);
-  return `Wheel: reach ${reach.toFixed(2)} · holds ${percent(held(state, handle))}`;
+  return `Wheel: reach ${reach.toFixed(2)} · holds ${percent(held(state, handle))} of the surface`;
 }
 
 export function Toasts() {

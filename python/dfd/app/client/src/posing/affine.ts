@@ -14,17 +14,17 @@ export interface Transform {
   /** Rotation vector: axis times angle in degrees, right-handed. */
   readonly rotation: Vec3;
   readonly scale: Vec3;
-  /** The fixed point of rotation and scale; null is the handle's own position. */
+  /** The fixed point of rotation and scale; null stands for the handle's own position. */
   readonly pivot: Vec3 | null;
   /** The name of the pivot, or "auto"; null if `pivot` is not a named point. */
   readonly pivotAt: PivotAt | "auto" | null;
-  /** The axes of scale; null is the mesh's own axes. */
+  /** The axes of scale; null stands for the mesh's own axes. */
   readonly axes: Frame | null;
-  /** Rotation vector of the held part's tip, in degrees. */
+  /** The bend of the held part: the rotation vector of its tip, in degrees. */
   readonly bend: Vec3;
-  /** Rotation of the tip about the part's axis, in degrees. */
+  /** The twist of the held part: the rotation of its tip about its axis, in degrees. */
   readonly twist: number;
-  /** Where the part bends and twists, from 0 (its base) to 1 (its tip); null spreads both over its length. */
+  /** The place of bend and twist on the part's axis, from 0 (base) to 1 (tip); null spreads both over the axis. */
   readonly joint: number | null;
 }
 
@@ -47,7 +47,7 @@ export function quaternionOf(rotation: Vec3): Quaternion {
   return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
-/** Return the rotation vector of a unit quaternion, of at most 180°. */
+/** Return the rotation vector of a unit quaternion, in degrees; its length is at most 180. */
 export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
   const sign = w < 0 ? -1 : 1;
   const sine = Math.hypot(x, y, z);
@@ -70,7 +70,7 @@ export function matrixOf({ translation, rotation, scale, axes, pivot }: Transfor
   return relative(linear, [-x, -y, -z]).premultiply(new Matrix4().makeTranslation(...translation));
 }
 
-/** Convert an affine map of points p to the same map of p − center. */
+/** Convert an affine map of points p to the same map of points p − center. */
 export function relative(matrix: Matrix4, [x, y, z]: Vec3): Matrix4 {
   return new Matrix4()
     .makeTranslation(-x, -y, -z)
@@ -82,7 +82,7 @@ export function apply(matrix: Matrix4, point: Vec3): Vec3 {
   return new Vector3(...point).applyMatrix4(matrix).toArray();
 }
 
-/** Return R of Eq. 8, the reflection across {p : normal · p = offset}. */
+/** Return R of Eq. 8, the reflection across the plane {p : normal · p = offset}. */
 export function reflection([x, y, z]: Vec3, offset: number): Matrix4 {
   return new Matrix4().set(
     ...[1 - 2 * x * x, -2 * x * y, -2 * x * z, 2 * offset * x],
@@ -96,7 +96,7 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Interpolate two transforms linearly, and their rotations along the shorter arc. */
+/** Interpolate transforms linearly, but rotations along the shorter arc. Axes and joint are those of `b`. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {
@@ -110,7 +110,7 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
   };
 }
 
-/** Return 1, 2 or 5 times a power of ten, near `step`. */
+/** Return a number near `step` that is 1, 2 or 5 times a power of ten. */
 export function niceStep(step: number): number {
   const power = 10 ** Math.floor(Math.log10(step));
   const digit = step / power;

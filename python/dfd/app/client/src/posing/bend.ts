@@ -10,7 +10,7 @@ export interface PartEnds {
   readonly tip: Vec3;
 }
 
-/** Angle of the line from base to tip, divided by the angle of the tip itself; as in `dfd.posing.bend`. */
+/** The line from base to tip rotates by this share of the tip's angle, as a result of `dfd.posing.bend`. */
 const LINE_SHARE = 0.44;
 const MOST_DEGREES = 300;
 
@@ -21,7 +21,7 @@ export function bentTip({ base, tip }: PartEnds, bend: Vec3, joint: number | nul
   return out.add(new Vector3(...base)).toArray();
 }
 
-/** Return the rotation vector in degrees that turns the line from base to tip towards a point. */
+/** Return the bend, a rotation vector in degrees, that turns the line from base to tip towards a point. */
 export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number | null): Vec3 {
   const [from, to] = [tip, point].map((end) => new Vector3(...end).sub(new Vector3(...base)));
   const about = new Vector3().crossVectors(from, to);
@@ -31,7 +31,7 @@ export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number 
   return about.multiplyScalar(Math.min(degrees, MOST_DEGREES) / size).toArray();
 }
 
-/** Return the ratio `LINE_SHARE`, or a larger one if a joint near the base turns most of the part by the full angle. */
+/** Return `LINE_SHARE`, or a larger share if a joint near the base rotates most of the part by the full angle. */
 function lineShare(joint: number | null): number {
   return joint === null ? LINE_SHARE : Math.max(1 - joint, LINE_SHARE);
 }

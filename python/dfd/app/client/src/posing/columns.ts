@@ -1,16 +1,16 @@
-/** The scene of the pose shader, and the pose of single points, by the same equations as the shader `pose.glsl`. */
+/** The scene that the shader `pose.glsl` poses. `posePoint` poses single points by the same equations. */
 
 import { MathUtils, Vector3, type Matrix4 } from "three";
 
 import { reflection, type Vec3 } from "./affine";
 
-/** The weights and the transform of a handle at one of its counterparts, or weights for the heat map. */
+/** The weights and the transform of a handle at one of its counterparts, or weights that only the heat map shows. */
 export interface Column {
-  /** The handle's number; 0 for a column that is only shown in the heat map. */
+  /** The handle's number; 0 for a column that only the heat map shows. */
   readonly handle: number;
   /** (V) weights times 65535. */
   readonly weights: Uint16Array;
-  /** Whether the column is on the positive side of the mirror plane. */
+  /** Whether the handle or counterpart is on the positive side of the mirror plane. */
   readonly positive: boolean;
   /** The heat map shows the sum of weight times `heat` over all columns. */
   readonly heat: number;
@@ -52,7 +52,7 @@ export function height({ normal, offset }: Omit<Mirror, "band">, point: Vec3): n
   return new Vector3(...normal).dot(new Vector3(...point)) - offset;
 }
 
-/** Return the share of the positive side's motion at a point: 1 or 0 beyond the band, and smooth within it. */
+/** Return how much the motion of the positive side counts at a point: 1 or 0 outside the band, smooth inside it. */
 function positiveShare(mirror: Mirror, point: Vec3): number {
   const above = height(mirror, point);
   if (mirror.band === 0) return above >= 0 ? 1 : 0;

@@ -43,7 +43,7 @@ export class Payload {
   }
 }
 
-/** A message and its arrays; a text message has none. */
+/** A message and its arrays; a text message has no arrays. */
 export interface Received {
   readonly message: ServerMessage;
   readonly payload: Payload;

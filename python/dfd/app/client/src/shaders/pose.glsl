@@ -1,5 +1,5 @@
-// Eq. 1 and 8 for one vertex; `src/posing/columns.ts` is the same in TypeScript. MIRROR, DEFAULT and TURNED are defined
-// if the scene needs them. They are not uniforms, because renderers on the CPU evaluate both branches of an `if`.
+// Eq. 1 and 8 for one vertex, as in `src/posing/columns.ts`. MIRROR, DEFAULT and TURNED are defined if the scene needs
+// them. They are not uniforms, because renderers on the CPU evaluate both branches of an `if`.
 
 uniform highp usampler2DArray weights; // one layer per column; vertex i is texel (i % 4096, i / 4096)
 uniform highp sampler2D columns;       // 7 texels per column, see `pose_textures.ts`
@@ -20,7 +20,7 @@ vec4 entry(int texel, int k) {
   return texelFetch(columns, ivec2(texel, k), 0);
 }
 
-// Return the share of the positive side's motion at a point: 1 or 0 beyond the band, and smooth within it.
+// Return how much the motion of the positive side counts at a point: 1 or 0 outside the band, smooth inside it.
 float positiveShare(vec3 point) {
   float height = dot(point, mirror.xyz) - mirror.w;
   if (mirrorBand == 0.0) return height >= 0.0 ? 1.0 : 0.0;
@@ -38,7 +38,7 @@ Posed posed(vec3 point, int at) {
   float positive = positiveShare(point);
 #endif
   for (int k = 0; k < columnCount; k++) {
-    vec4 role = entry(6, k); // layer of the weights, side (1 or -1), factor in the heat map, 1 if vertices move
+    vec4 role = entry(6, k); // layer of the weights, side of the mirror plane, heat factor, 1 if vertices move
     float weight = float(texelFetch(weights, ivec3(at & 4095, at >> 12, int(role.x)), 0).r) * UNIT;
     heat += weight * role.z;
     weight *= role.w;
@@ -66,7 +66,7 @@ Posed posed(vec3 point, int at) {
   return Posed(point + moved, mat3(1.0) + turned, heat);
 }
 
-// The cofactors of any linear map transform normals, even if the map mirrors or flattens.
+// Transform a normal by the cofactors of a linear map, which also works if the map mirrors or flattens.
 vec3 transformedNormal(mat3 linear, vec3 normal) {
   mat3 cofactors = mat3(cross(linear[1], linear[2]), cross(linear[2], linear[0]), cross(linear[0], linear[1]));
   vec3 turned = cofactors * normal;

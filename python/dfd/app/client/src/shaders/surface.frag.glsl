@@ -6,7 +6,7 @@ uniform float opacity;
 
 layout(location = 0) out vec4 color;
 
-// Convert linear colors to sRGB by square roots, with an error below 0.5 / 255.
+// Convert linear colors to sRGB. Square roots approximate the power with an error below 0.5 / 255.
 vec3 toScreen(vec3 linear) {
   vec3 c = clamp(linear, 0.0, 1.0);
   vec3 a = sqrt(c);
@@ -43,7 +43,7 @@ vec3 fromScreen(vec3 c) {
 #endif
 
 #ifdef HEAT
-// Return the color of a heat: from blue through violet to yellow, with increasing contrast to the clay color.
+// Return the color of the heat map for a heat from 0 to 1: from blue through violet to yellow.
 vec3 ramp(float t) {
   vec3 cold = vec3(0.079, 0.100, 0.258);
   vec3 blue = vec3(0.098, 0.145, 0.622);
@@ -67,7 +67,7 @@ void main() {
   vec3 n = normalize(viewNormal);
   vec3 toEye = normalize(-viewPosition);
   float facingEye = dot(n, toEye);
-  // Scans have triangles of both orientations, so normals are turned to the eye.
+  // Scans have triangles of both orientations, so normals are turned towards the eye.
   if (facingEye < 0.0) n = -n;
 
   vec3 albedo = vec3(0.584078, 0.564712, 0.533276); // clay, #c9c6c1
@@ -90,7 +90,7 @@ void main() {
 #ifdef HEAT_ALONE
   float shown = 0.94;
 #else
-  // Weights near 0.01 must not tint the whole shape.
+  // Weights below 0.01 must not tint the shape.
   float shown = 0.86 * smoothstep(0.01, 0.12, heat);
 #endif
   albedo = mix(albedo, ramp(heat), heatStrength * shown);

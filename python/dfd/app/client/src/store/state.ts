@@ -31,7 +31,7 @@ export interface Ahead extends Partial<Omit<HandleState, "handle">> {
 
 /** A picked point of the shape. */
 export interface Picked {
-  /** The nearest vertex, and a row of the mesh's arrays for it. A vertex at a texture seam has several rows. */
+  /** The nearest vertex, and one of its rows in the mesh's arrays. A vertex at a texture seam has several rows. */
   readonly vertex: number;
   readonly row: number;
   /** The point on the resting surface, relative to the mesh's center. */
@@ -50,7 +50,7 @@ export interface Posed {
   readonly normals: Int16Array;
 }
 
-/** The state of the open shape, with its values when no shape is open. */
+/** The entries of the state that belong to the open shape, and their values without an open shape. */
 export const CLOSED = {
   mesh: null as MeshMessage | null,
   /** The arrays of `mesh`. */
@@ -67,7 +67,7 @@ export const CLOSED = {
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
   hover: null as Picked | null,
-  /** The weights of a new handle at `vertex`; or, if `vertex` is null, of the selected handle with another part. */
+  /** Previewed weights: of a new handle at `vertex`; if `vertex` is null, of the selected handle with another part. */
   probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
   /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
@@ -120,7 +120,7 @@ export type State = Readonly<typeof INITIAL>;
 
 export const store = createStore<State>(INITIAL);
 
-/** The transform of a handle on the server. */
+/** Return the transform that a handle has on the server. */
 export function transformOf(handle: HandleState): Transform {
   const { translation, rotation, scale, pivot_set, pivot, pivot_at, axes, bend, twist, joint } = handle;
   return { translation, rotation, scale, pivot: pivot_set ? pivot : null, pivotAt: pivot_at, axes, bend, twist, joint };

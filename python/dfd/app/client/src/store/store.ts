@@ -14,7 +14,7 @@ export function createStore<State extends object>(initial: State) {
   }
   return {
     get: () => state,
-    /** Replace some keys, and call the listeners of the changed ones. */
+    /** Replace some values of the state, and call the listeners of those that changed. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
       // A listener may remove itself or another listener.

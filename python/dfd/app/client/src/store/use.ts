@@ -5,7 +5,7 @@ import { store, type State } from "./state";
 /** Milliseconds between updates during a drag, so that users can read the numbers. */
 const READABLE = 100;
 
-/** Return the state. The component is updated when a key that it read changes. */
+/** Return the state. The component is drawn again when a value that it has read changes. */
 export function useParts(): State {
   const keys = useRef(new Set<keyof State>()).current;
   const drawn = useRef(store.get());

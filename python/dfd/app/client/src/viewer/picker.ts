@@ -1,4 +1,4 @@
-/** Find the point of the shape under a pixel. The GPU draws points from the same posed positions as the picture. */
+/** Find the resting point of the shape under a pixel. The GPU draws these points in the pose of the picture. */
 
 import {
   DoubleSide,
@@ -60,7 +60,7 @@ export class Picker {
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.posed.read(), shape.positions];
-    // A vertex is visible within 4 pixels of the surface at its own pixel; `near` is their size at distance 1.
+    // A vertex is visible if it is within 4 pixels of the surface at its pixel; `near` is their size at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();
@@ -100,7 +100,7 @@ export class Picker {
   }
 }
 
-/** Create a render target of integers, in a format that every WebGL 2 supports. */
+/** Create a render target of integers, in a format that every implementation of WebGL 2 supports. */
 function pixels(width: number, height: number): WebGLRenderTarget {
   return new WebGLRenderTarget(width, height, {
     format: RGBAIntegerFormat,

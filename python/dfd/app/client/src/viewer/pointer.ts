@@ -6,8 +6,8 @@ import { draws, isolates, ready, store, type Picked } from "../store/state";
 import { paint } from "./overlays/brush";
 import type { Viewer } from "./viewer";
 
-const CLICK_DISTANCE = 5;
-const REST_MILLISECONDS = 100;
+const CLICK_DISTANCE = 5; // pixels; a longer motion is no click
+const REST_MILLISECONDS = 100; // the weights are shown after the pointer has rested for this time
 
 export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
@@ -29,14 +29,14 @@ export class Pointer {
     // The style sheet hides the focus outline of a canvas that was clicked.
     canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
-    // This listener must run before that of the orbit controls, which zoom.
+    // This listener must run before the listener of the orbit controls, which zooms.
     canvas.addEventListener("wheel", (event) => this.wheeled(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   private pressed(event: PointerEvent): void {
     if (!event.isPrimary) {
-      // A second finger zooms, so that the first one no longer clicks.
+      // A second finger zooms, so the first finger must not click.
       if (this.down) this.down.moved = true;
       return;
     }

@@ -18,14 +18,14 @@ import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
 import { present, type State } from "../store/state";
 
-/** Return the handle's motion at a column's counterpart: in the counterpart's frame and about its pivot. */
+/** Return the handle's motion at a counterpart: in the counterpart's frame and about the counterpart's pivot. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
   const { transform, position: held } = handle;
   const back = basisOf(frame);
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
   const matrix = relative(matrixOf(transform, held), pivot).premultiply(turn).multiply(back);
-  // In its own frame, the counterpart has the same vector from its pivot to its position as the handle.
+  // In its frame, the counterpart's vector from pivot to position equals the handle's vector from pivot to position.
   return relative(matrix, subtract(apply(turn, subtract(held, pivot)), position));
 }
 
@@ -77,7 +77,7 @@ export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
-/** The heat of the painted region. The heat map's color for it is visible on pale shapes. */
+/** The heat of the painted region. Its color in the heat map is visible on pale shapes. */
 const PAINTED = 0.66;
 
 /** Return a column that is only shown in the heat map. */

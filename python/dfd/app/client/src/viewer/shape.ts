@@ -84,7 +84,7 @@ export class Shape {
     );
     this.wires.visible = false;
     this.group.add(new Mesh(geometry, this.materials), this.wires);
-    // The bounding sphere at rest does not contain all poses.
+    // The bounding sphere is that of the resting shape, which does not contain all poses.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
   }
 
@@ -180,7 +180,7 @@ export class Shape {
     return material("surface", uniforms, {
       side: DoubleSide,
       transparent: entry.alpha_mode === "BLEND",
-      // Push the surface back, so that it does not hide wires.
+      // Push the surface back, so that it does not hide the wireframe.
       polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,

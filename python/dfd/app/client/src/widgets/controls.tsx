@@ -131,7 +131,7 @@ interface NumberFieldProps extends FieldProps<number> {
   readonly axis?: "x" | "y" | "z";
 }
 
-/** A number field with arrow keys. */
+/** A number field. The arrow keys change the number by `step`. */
 export function NumberField({ label, value, step, onChange, axis, hint }: NumberFieldProps) {
   // The typed text stays until the user enters it, even if the value changes.
   const [typed, setTyped] = useState<string | null>(null);
@@ -197,7 +197,7 @@ interface SliderProps extends FieldProps<number> {
 export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // The slider shows the user's value for a second, in which the server usually confirms it.
+  // The slider shows the user's value for a second. Within this time, the server usually confirms it.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -240,7 +240,7 @@ export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
   );
 }
 
-/** A menu item. It is disabled without an action. */
+/** A menu item, which is disabled if `run` is null. */
 export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
 interface MenuProps {

@@ -115,7 +115,7 @@ test("a handle turns about the automatic pivot, or about the chosen pivot", { ti
   await until(page, (s) => s.edit.handles[0].rotation[2] === 20);
   const [pivot, auto] = await state(page, (s) => [s.edit.handles[0].pivot, s.axis.auto]);
   assert.deepEqual(pivot, auto);
-  await page.getByLabel("Turns about").selectOption("point");
+  await page.getByLabel("Rotate about").selectOption("point");
   await until(page, (s) => s.edit.handles[0].pivot_at === "point");
   assert.deepEqual((await handle()).pivot, (await handle()).position);
   await page.keyboard.press("0");

@@ -1,4 +1,4 @@
-/** Paint regions. The brush uses distances at rest, so that it does not paint other parts that touch in the pose. */
+/** Paint regions. The brush measures distances at rest, so it does not paint parts that touch only in the pose. */
 
 import { Sphere, Vector3 } from "three";
 

@@ -18,12 +18,12 @@ import {
 import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
 import { draws, present, selectedHandle, type State } from "../../store/state";
 
-/** What the gizmo moves. */
+/** The handle that the gizmo moves. */
 interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** Both ends of the part's axis, in the bend mode. */
+  /** Both ends of the part's axis in bend mode; null in other modes. */
   readonly ends: PartEnds | null;
   /** Whether only the pivot moves. */
   readonly pivoting: boolean;

@@ -1,11 +1,11 @@
-/** Find the corner that is nearest to a picked point, in the triangle that contains the point. */
+/** Find the corner nearest to a picked point, among the corners of the triangle that contains the point. */
 
 import { Triangle, Vector3 } from "three";
 
 import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
-  /** The triangles, sorted by their last corner; those of corner c begin at `starts[c]`. */
+  /** The triangles, sorted by their last corner. Those whose last corner is row c begin at `starts[c]`. */
   private readonly order: Uint32Array;
   private readonly starts: Uint32Array;
 

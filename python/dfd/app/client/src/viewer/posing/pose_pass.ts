@@ -40,7 +40,7 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
-  /** Takes (R, 3) resting positions, (R, 4) normals of length 32767, and (R) the vertex of each row. */
+  /** Takes resting positions (R, 3), normals (R, 4) of length 32767, and the vertex of each row (R). */
   constructor(
     private readonly renderer: WebGLRenderer,
     positions: Float32Array,
@@ -67,7 +67,7 @@ export class PosePass {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    // Without a framebuffer of its own, the pass would clear the canvas in browsers.
+    // The pass needs its own framebuffer. Otherwise, browsers would clear the canvas.
     this.framebuffer = gl.createFramebuffer();
     this.pixel = gl.createRenderbuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
@@ -124,7 +124,7 @@ export class PosePass {
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ?? IDENTITY).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
-    // three.js leaves buffers bound, but WebGL does not write to a bound buffer.
+    // three.js leaves buffers bound, but transform feedback must not write to a bound buffer.
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindVertexArray(this.input);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);

@@ -1,4 +1,4 @@
-/** The input of the pose shader: for each column of a scene, a layer of weights and a row of `columns`. */
+/** The textures that the pose shader reads. Each column of a scene has a layer of `weights` and a row of `columns`. */
 
 import {
   DataArrayTexture,
@@ -15,8 +15,8 @@ import {
 import { IDENTITY } from "../../posing/affine";
 import { EMPTY_SCENE, mirrored, type Scene } from "../../posing/columns";
 
-const WIDTH = 4096;
-const TEXELS = 7;
+const WIDTH = 4096; // texels per row of `weights`
+const TEXELS = 7; // texels per row of `columns`
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
 /** Indices of the linear part's elements in an affine matrix. */

@@ -10,7 +10,7 @@ const PROGRAMS = {
   surface: [surfaceVertex, surfaceFragment],
 } as const;
 
-/** Create a material that draws the posed shape; `uniforms` are shared with other materials. */
+/** Create a material that draws the posed shape. `uniforms` is not copied, so materials can share uniforms. */
 export function material(
   program: keyof typeof PROGRAMS,
   uniforms: Record<string, IUniform>,
