@@ -91,7 +91,7 @@ def _of_manifest(manifest: Path) -> Iterable[tuple[str, Path, Path | None]]:
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"`MESH`: {manifest} is no CSV file in UTF-8: {error}") from None
     if "path" not in columns:
-        raise ValueError(f"`MESH`: {manifest} must have a column path, got {', '.join(columns) or 'none'}")
+        raise ValueError(f"`MESH`: {manifest} must have a column `path`, got {', '.join(columns) or 'none'}")
     if not rows:
         raise ValueError(f"`MESH`: {manifest} has no rows")
     folder, shapes = manifest.absolute().parent, []

@@ -53,9 +53,9 @@ class BatchSettings(BaseModel):
         """Raise ValueError if a step lacks its input."""
         for step, given in (("edits", self.edits), ("exports", self.exports)):
             if (step in self.steps) != bool(given):
-                raise ValueError(f"`--{step.removesuffix('s')}` and the step {step} must be given together")
+                raise ValueError(f'`--{step.removesuffix("s")}` and the step "{step}" must be given together')
         if "exports" in self.steps and "edits" not in self.steps:
-            raise ValueError("`--step` must include edits if it includes exports, which write the edited shapes")
+            raise ValueError('`--step` must include "edits" if it includes "exports", which write the edited shapes')
 
 
 def begin_folder(root: Path, settings: BatchSettings) -> None:

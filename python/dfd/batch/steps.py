@@ -108,7 +108,7 @@ class _Work:
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.shape.field is None:
-            raise ValueError("no field: add the step distill, or name a field in the column field of a manifest")
+            raise ValueError('no field: add the step "distill", or name a field in the column "field" of a manifest')
         return Field.load(self.shape.field, mesh=self.mesh)
 
     @cached_property

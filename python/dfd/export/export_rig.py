@@ -65,9 +65,9 @@ def export_rig(
 
     Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError for "skin" if there
     is no handle, the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be inverted.
-    Raises ValueError for "morph" if nothing moves, or the mesh has its own morph targets. Raises ValueError if a key
-    pose has an unknown handle, is not later than the pose before it, or scales along axes other than those of a joint.
-    Raises OSError if a file cannot be written; an existing file stays unchanged.
+    Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
+    ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
+    than a joint's. Raises OSError if a file cannot be written; an existing file stays unchanged.
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)
@@ -94,7 +94,7 @@ def export_rig(
 
 
 def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
-    """Return the form in which a session of `mesh` is written to `path`, and a note if a skin of the mesh changed it.
+    """Return the form in which a session of `mesh` is written to `path`, and a note if the mesh's own skin decides it.
 
     Raises ValueError if `form` is unknown, does not fit the file ending, or would replace a skin or morph targets.
     """

@@ -33,7 +33,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         twists; `faces` (F, 3); `weights` (V, C) float32, a column for each counterpart of each handle; `transforms`
         (C, 3, 4) float64 in mesh units, `handles` (C, 3) positions and `handle_ids` (C,) of the columns; and `default`
         (3, 4), D₀. Its texts, which safetensors stores as metadata, are `format`, `version`, `names` (a JSON list for
-        the columns), `edit` (an edit file), `field` (settings of the field) and `mesh` (`Mesh.content_hash`).
+        the columns), `edit` (JSON of an edit file), `field` (JSON of its settings) and `mesh` (`Mesh.content_hash`).
 
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
     cannot be written; an existing file stays unchanged.

@@ -58,7 +58,7 @@ def targets_of(rig: Rig) -> MorphTargets:
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add targets, with their weights in the edit, to all displayed nodes, which must have none. Return the nodes."""
+    """Add targets and their weights in the edit to all displayed nodes, which must lack targets. Return the nodes."""
     rest = _document_positions(document, rig.mesh.vertices)
     moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]

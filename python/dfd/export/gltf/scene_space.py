@@ -52,7 +52,7 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
 def stand_alone(document: GltfDocument, node: int) -> int:
     """Make a root node without a transform display the mesh of `node`, and return the index of the root node.
 
-    It is `node` itself, or a new node if children, a camera, an extension or an animation use the transform of `node`.
+    The root node is `node` itself, or a new node if children, a camera, an extension or an animation use `node`.
     """
     header = document.header
     content = header["nodes"][node]
