@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-LONGEST_NAME = 100  # characters; files in a shape's folder add an ending to the name
+LONGEST_NAME = 100  # characters; the rest of a longer name is replaced by a hash
 
 
 @dataclass(frozen=True)
@@ -19,18 +19,18 @@ class Shape:
 
     name: str  # name of its folder, unique in the batch even if case is ignored
     path: str  # absolute path of its file
-    field: str | None = None  # path of its field, if one is given
+    field: str | None = None  # path of its field, if the manifest names one
 
 
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     """Return the shapes that `inputs` name, ordered by name.
 
-    `inputs` are mesh files and globs, or one CSV manifest with a column `path`, and optionally `name` and `field`.
-    Paths in a manifest are relative to its folder. A shape of a glob is named by its path relative to the folder that
-    all globs share. Unsafe characters in a name are replaced, and a long or repeated name ends in a hash of the path.
+    `inputs` are mesh files and globs, or one CSV manifest with a column `path` and optional columns `name` and `field`.
+    Paths in a manifest are relative to its folder. The name of a shape from a glob is its path relative to the folder
+    that all globs share. Unsafe characters in a name are replaced. A long or repeated name ends in a hash of the path.
 
-    Raises ValueError if a manifest lacks the column or a path. Raises OSError if a glob matches nothing, or a manifest
-    cannot be read.
+    Raises ValueError if a manifest lacks the column `path` or a row has no path. Raises OSError if a glob matches
+    nothing, or a file does not exist or cannot be read.
     """
     if not inputs:
         raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")
@@ -48,7 +48,7 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
 
 
 def matches(pattern: str) -> list[Path]:
-    """Return the file that `pattern` names, or the meshes that it matches, in order.
+    """Return the file that `pattern` names, or all meshes that the pattern matches, sorted by path.
 
     Raises FileNotFoundError if there is no such file.
     """
@@ -70,7 +70,7 @@ def has_magic(pattern: str) -> bool:
 
 def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
     paths = dict.fromkeys(path.absolute() for pattern in patterns for path in matches(pattern))
-    # Names are relative to the folder that the patterns share, so that an added file renames no other shape.
+    # Names are relative to the folder that the patterns share. So a file that is added changes no other name.
     shared = Path(os.path.commonpath([_fixed_folder(Path(pattern).absolute()) for pattern in patterns]))
     return (("-".join(path.relative_to(shared).parts), path, None) for path in paths)
 
@@ -91,7 +91,7 @@ def _of_manifest(manifest: Path) -> Iterable[tuple[str, Path, Path | None]]:
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"`MESH`: {manifest} is no CSV file in UTF-8: {error}") from None
     if "path" not in columns:
-        raise ValueError(f"`MESH`: {manifest} must have a column path, got {', '.join(columns) or 'none'}")
+        raise ValueError(f"`MESH`: {manifest} must have a column `path`, got {', '.join(columns) or 'none'}")
     if not rows:
         raise ValueError(f"`MESH`: {manifest} has no rows")
     folder, shapes = manifest.absolute().parent, []

@@ -21,10 +21,10 @@ from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
-CONFIDENT = 0.5  # the default threshold; with a lower confidence, a handle more likely moves another part
-# The cosine between the features of a handle on both shapes that gives the confidence 0.5. It is lower for fields with
-# a learned metric, because the metric increases differences between shapes. For a handle on a chair's leg, the cosine
-# was 0.40 to 0.71 on the legs of other seats, and 0.29 to 0.34 on a bird.
+CONFIDENT = 0.5  # the default threshold; below this confidence, a handle more likely moves a wrong part
+# The confidence is 0.5 if the cosine between a handle's features on both shapes has this value. The value is lower for
+# fields with a learned metric, because this metric increases differences between shapes. For a handle on a chair's leg,
+# the cosine was 0.40 to 0.71 for the legs of other seats, and 0.29 to 0.34 for a bird.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
@@ -56,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """Raised if the other shape seems to lack an edited part. `confidence` is a mapping as in `Carried`."""
+    """The other shape seems to lack an edited part. The attribute `confidence` is as in `Carried`."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -83,11 +83,11 @@ def carry(
     force: bool = False,
     features: Any = None,
 ) -> Carried:
-    """Transfer an edit to another shape of its class. On its own shape, the edit stays unchanged.
+    """Transfer an edit to another shape of the same class. If `mesh` is the mesh of the edit, the edit stays unchanged.
 
     `field` is the field of the other shape, made with the same encoder. `features` are as in `Deformer`. `threshold`,
-    in [0, 1] and by default 0.5, is the least confidence. `force` accepts a lower confidence, and lists its name in
-    `Carried.unsure`. It also accepts a `field` of another shape.
+    in [0, 1] and by default 0.5, is the smallest accepted confidence. With `force`, lower confidences are accepted, and
+    `Carried.unsure` lists their names. With `force`, `field` may also be the field of another shape.
 
     Raises UnlikeError if a confidence is below `threshold`. Raises ValueError if `transfer` or `Deformer` raises it.
     """
@@ -142,7 +142,9 @@ class EditSource(BaseModel):
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
     """Find the mesh and the field on which an edit was made. `made_on` replaces the mesh that the edit names.
 
-    The field is the one that the edit names if it is unchanged and of that mesh, or else the file next to the mesh.
+    The field is the one that the edit names, if it is unchanged and belongs to this mesh. Otherwise, it is the file
+    `field_path(mesh)`.
+
     Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.
     """
     named, field, sha256 = read_made_on(edit)
@@ -154,7 +156,7 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
         raise FileNotFoundError(f"{mesh}, on which {edit} was made, does not exist{hint}")
     beside = field_path(mesh)
     if named is None or not (named.is_file() and named.samefile(mesh)):
-        field = None  # it is of another mesh
+        field = None  # the field that the edit names belongs to another mesh
     own = field if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256) else beside
     if not own.is_file():
         changed = "" if field is None else f", and {field} {'has changed' if field.is_file() else 'is missing'}"

@@ -29,7 +29,7 @@ small {{ color: #64686f; display: block; }}
 
 
 def tally(records: Sequence[Record]) -> str:
-    """Return a text with the number of finished shapes, and of failed shapes for each cause."""
+    """Return a text with the number of finished shapes, and the number of failed shapes for each cause."""
     causes = Counter(record.cause for record in records)
     failed = "".join(f", {count:,} failed: {CAUSES[cause]}" for cause, count in causes.most_common() if cause)
     return f"{causes[None]:,} done{failed}"

@@ -1,4 +1,4 @@
-"""The record of one shape: its results in a JSON file. It is written last, so it shows that the shape is finished."""
+"""The record of one shape, a JSON file with the results. It is written last, so it shows that the shape is finished."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -16,7 +16,7 @@ CAUSES: dict[str, str] = {  # names of the causes for people
     "crash": "crash",
     "error": "error of dfd",
 }
-FAILED_EXPORT = "_failed"  # suffix of the figure that contains the error of an export
+FAILED_EXPORT = "_failed"  # suffix of the name of a figure (see `Record`) with the error of an export
 Figure = bool | int | float | str | None
 
 
@@ -26,16 +26,14 @@ class Record:
 
     name: str
     path: str
-    modified: int | None  # time of the last change of its file, nanoseconds
+    modified: int | None  # time of the last change of the mesh file, nanoseconds
     status: Literal["done", "failed"] = "done"
-    # cause, message: why the shape failed; None for a finished shape
-    cause: Cause | None = None
-    message: str | None = None
-    # seconds, timings: durations in seconds, of all steps together and of each step by its name
-    seconds: float = 0.0
-    timings: dict[str, float] = field(default_factory=dict)
-    figures: dict[str, Figure] = field(default_factory=dict)  # results of the steps, by name
-    files: list[str] = field(default_factory=list)  # names of the other files in its folder
+    cause: Cause | None = None  # why the shape failed; None if it is done
+    message: str | None = None  # the error of a failed shape; None if it is done
+    seconds: float = 0.0  # duration of all steps together
+    timings: dict[str, float] = field(default_factory=dict)  # duration of each step, by its name, seconds
+    figures: dict[str, Figure] = field(default_factory=dict)  # numbers and other results of the steps, by name
+    files: list[str] = field(default_factory=list)  # names of the other files in the shape's folder
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -57,7 +55,7 @@ def write_record(root: Path, record: Record) -> None:
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:
-    """Return the record of a shape, or None if the shape is not finished or its file has changed since then."""
+    """Return the record of a shape; None if there is no record, or the mesh file has changed since."""
     try:
         record = Record(**json.loads((shape_folder(root, shape.name) / "record.json").read_text("utf-8")))
     except (OSError, ValueError, TypeError):

@@ -18,18 +18,18 @@ from dfd.batch.page import write_page
 from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
 
-RETRIES = 1  # repeats of a task whose process dies; the system may have ended it because other tasks used the memory
+RETRIES = 1  # number of times that a task is repeated if its process dies, e.g. because other tasks used up the memory
 OBJECT_STORE = 128 * 2**20  # bytes for the results of tasks, which are small
-# Memory of one task in bytes, for a shape of a million faces: with torch and the encoder, and without them.
+# Memory of one task, in bytes, for a shape of a million faces: with the step "distill", which loads torch, and without.
 DISTILL_MEMORY, OTHER_MEMORY = int(2.5 * 2**30), int(1.5 * 2**30)
 
 
 @dataclass(frozen=True)
 class Resources:
-    """Where tasks run, and the resources of each task."""
+    """The machines on which tasks run, and the resources of each task."""
 
     address: str | None = None  # address of a Ray cluster; None starts Ray on this machine
-    workers: int | None = None  # number of tasks at a time on this machine; None derives it from processors and memory
+    workers: int | None = None  # number of parallel tasks on this machine; None computes it from processors and memory
     threads: int = 1  # threads of one task
     gpus: float = 0.0  # GPUs of one task; 0.5 lets two tasks share one GPU
     timeout: float | None = None  # longest duration of one task, seconds; None sets no limit
@@ -49,8 +49,8 @@ def run_batch(
     `retry` repeats shapes that failed before. `tell` is called with each record, those of earlier runs first. Return
     the records in the order of `shapes`.
 
-    Raises ValueError if Ray is not installed, or lacks the resources of one task. Raises OSError if the folder cannot
-    be written, or no cluster answers.
+    Raises ValueError if Ray is not installed, or has fewer resources than one task needs. Raises OSError if the folder
+    cannot be written, or no cluster answers.
     """
     records: dict[str, Record] = {}
     for shape in shapes:
@@ -82,7 +82,7 @@ def import_ray() -> Any:
 
 
 def _connect(resources: Resources) -> Any:
-    """Connect to the Ray cluster at the address, or start Ray on this machine. Return the module `ray`.
+    """Connect to the Ray cluster at `resources.address`, or start Ray on this machine. Return the module `ray`.
 
     Raises ValueError if Ray is not installed. Raises OSError if no cluster answers, or Ray cannot be started.
     """
@@ -110,7 +110,7 @@ def _on_ray(
     if most_running == 0:
         has = ", ".join(f"{total.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
         raise ValueError(f"`--threads` and `--gpus` must be at most what Ray has, {has}")
-    # By default Ray starts a new process for each GPU task, which would load the encoder again; `max_calls` avoids it.
+    # By default, Ray runs each GPU task in a new process, which would load the encoder again. `max_calls` avoids this.
     options = {"num_cpus": resources.threads, "num_gpus": resources.gpus, "memory": memory, "max_calls": 0}
     task = ray.remote(max_retries=RETRIES, **options)(_task)
     waiting, running, late = deque(shapes), dict[Any, tuple[Shape, float]](), set[Any]()

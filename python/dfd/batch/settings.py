@@ -17,7 +17,7 @@ EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights
 class BatchSettings(BaseModel):
     """All settings that the results of a shape depend on.
 
-    Raises ValueError if a step or format is unknown, or a step lacks its input.
+    Raises ValueError if a step or an export is unknown, or a step lacks its input.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -53,16 +53,16 @@ class BatchSettings(BaseModel):
         """Raise ValueError if a step lacks its input."""
         for step, given in (("edits", self.edits), ("exports", self.exports)):
             if (step in self.steps) != bool(given):
-                raise ValueError(f"`--{step.removesuffix('s')}` and the step {step} must be given together")
+                raise ValueError(f'`--{step.removesuffix("s")}` and the step "{step}" must be given together')
         if "exports" in self.steps and "edits" not in self.steps:
-            raise ValueError("`--step` must include edits if it includes exports, which write the edited shapes")
+            raise ValueError('`--step` must include "edits" if it includes "exports", which write the edited shapes')
 
 
 def begin_folder(root: Path, settings: BatchSettings) -> None:
-    """Create the folder of a batch, or check that the batch in it has the same settings.
+    """Create the folder of a batch. If the folder already contains a batch, check that it has the same settings.
 
-    Raises ValueError if the folder contains other files, or a batch with other settings. Raises OSError if it cannot be
-    written.
+    Raises ValueError if the folder contains other files, or a batch with other settings. Raises OSError if the
+    folder cannot be written.
     """
     file = root / "batch.json"
     if file.is_file():

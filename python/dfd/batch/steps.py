@@ -38,8 +38,8 @@ from dfd.weights.compact import compact
 
 FIELD = "field.safetensors"
 PIXELS = 256  # side of a picture, pixels
-loaded_original = lru_cache(maxsize=16)(EditSource.original)  # a worker loads an edit, its mesh and its field once
-FOLDER_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # they end the batch: every other shape would fail too
+loaded_original = lru_cache(maxsize=16)(EditSource.original)  # a worker process reads each edit once
+FOLDER_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # end the batch, because every other shape would fail too
 
 
 def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
@@ -104,11 +104,11 @@ class _Work:
 
     @cached_property
     def field(self) -> Field:
-        """Return the field that was distilled, or the one given with the shape; raise ValueError without either."""
+        """Return the distilled field, or else the field that the manifest names. Raise ValueError if there is none."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.shape.field is None:
-            raise ValueError("no field: add the step distill, or name a field in the column field of a manifest")
+            raise ValueError('no field: add the step "distill", or name a field in the column "field" of a manifest')
         return Field.load(self.shape.field, mesh=self.mesh)
 
     @cached_property
@@ -127,7 +127,7 @@ class _Work:
         self.figures["findings"] = len(found)
 
     def distill(self) -> None:
-        """Distill the field, unless one is given."""
+        """Distill the field, unless the manifest names a field."""
         if self.shape.field is not None:
             return
         of_encoder = DistillSettings(**self.settings.distill).of_encoder()
@@ -137,7 +137,7 @@ class _Work:
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
-        """Write the vertices' features as `rows` @ `basis`.T + `mean`. This changes weights by at most about 0.01."""
+        """Write the features of the vertices as `rows` @ `basis`.T + `mean`. Weights change by at most about 0.01."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:
@@ -151,14 +151,14 @@ class _Work:
         self.figures["symmetry_planes"] = len(planes)
 
     def pictures(self) -> None:
-        """Write a picture of the shape and, if there is a field, one whose colors show the features."""
+        """Write a picture of the shape. If there is a field, also write a picture whose colors show the features."""
         save_png(self.folder / "thumbnail.png", picture(self.mesh, resolution=PIXELS))
         if self.shape.field is not None or (self.folder / FIELD).exists():
             colors = feature_colors(self.session.features)
             save_png(self.folder / "features.png", picture(self.mesh, colors=colors, resolution=PIXELS))
 
     def edits(self) -> None:
-        """Transfer every edit, and write it and a picture of its result. The figures name the edits that do not fit."""
+        """Transfer every edit, and write each result. Figures give the confidences, and why an edit is refused."""
         threshold = self.settings.threshold
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
@@ -179,7 +179,7 @@ class _Work:
     def exports(self) -> None:
         """Write the shape, posed by each edit that fits, in every format of the settings.
 
-        If a file cannot be written, the figures contain the error, and all other results of the shape stay.
+        If an export raises ValueError, a figure contains the error, and all other results of the shape stay.
         """
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:
@@ -205,7 +205,7 @@ class _Work:
 
 @lru_cache(maxsize=1)
 def loaded_encoder(name: str, device: str, **options: Any) -> Any:
-    """Return the encoder, which a worker loads once."""
+    """Return an encoder. A worker process loads it once."""
     from dfd.encoders.encode import load_encoder
 
     return load_encoder(name, device=device, **options)

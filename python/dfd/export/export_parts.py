@@ -24,9 +24,9 @@ ENDINGS = (".obj", ".glb", ".gltf")
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
     """Write a mesh with its parts, as groups "part_1" … of an OBJ file, or as materials of a glTF file.
 
-    A face belongs to the part that contains most of its corners. A glTF file keeps all other content of the mesh's own
-    file; each part has its own copies of the file's materials, named after the part. An OBJ file keeps texture
-    coordinates, but no materials.
+    A face belongs to the part that contains most of its corners. If the mesh was read from a glTF file, a new glTF file
+    keeps all its other content. Each part gets copies of the materials on its faces, named after the part. An OBJ file
+    keeps texture coordinates, but no materials.
 
     Raises ValueError if the file ending is not supported, or there are no parts. Raises OSError if the file cannot be
     written; an existing file stays unchanged.
@@ -50,12 +50,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 
 def _most(corners: Int64) -> Int64:
-    """Return the label (F,) that most corners (F, 3) of a face have, or the middle label if all three differ."""
+    """Return for each face the part (F,) of most of its corners. `corners` (F, 3) are the parts of the corners."""
     return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], of_vertex: Int64) -> None:
-    """Replace each primitive of a node by one primitive per part, with the same attributes and its own material."""
+    """Split each primitive of a node into one primitive for each part. `of_vertex` (V,) is the part of each vertex."""
     content, of_number = document.own_mesh(node), {each.source[2]: each for each in primitives}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):
@@ -73,7 +73,7 @@ def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], o
 
 
 def _material(document: GltfDocument, material: object, part: int) -> int:
-    """Return the index of the copy of a material for a part. Each pair of a material and a part has one copy."""
+    """Return the index of the copy of `material` for the part number `part`. Add this copy if it is missing."""
     materials = objects(document.header, "materials")
     own = item(document.header, "materials", material)
     name = f"part {part + 1}" if own is None else f"{own.get('name') or f'material {material}'} part {part + 1}"

@@ -36,38 +36,38 @@ def export_rig(
 ) -> RigReport:
     """Write a session's shape and handles so that other programs can pose them.
 
-    If the mesh was read from a glTF file, a new glTF file keeps its other content, such as UVs, materials and parts.
+    A new glTF file keeps UVs, materials, parts and other content of the glTF file from which the mesh was read.
 
     Parameters
     ----------
     session
         The shape with its handles. The file opens in the pose of the present edit.
     path
-        A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
+        A .glb or .gltf file. With the form "baked", it can also be an .obj, .ply, .stl or .off file.
     form
-        "skin": a joint for each handle and each counterpart, at its pivot and with its own axes. The weights are those
-        with which `dfd.pose` blends (Eq. 1 and 8). A root joint, which never moves, gets 1 minus their sum. If the edit
-        has a default transform D₀, another joint gets this weight instead. "morph": a target for each handle that
-        moves, or for the edit and each key pose. "baked": the posed shape as a static mesh. The default is the first
-        form that is possible beside the mesh's own skin and morph targets, which a glTF file keeps.
+        "skin" writes a joint for each counterpart of each handle, with its own axes. The weights are those with which
+        `dfd.pose` blends (Eq. 1 and 8). A root joint, which never moves, gets the weight 1 minus their sum. If the edit
+        has a default transform D₀, the joint of D₀ gets this weight instead. "morph" writes a morph target for each
+        handle that moves. With `poses`, it writes one for the edit and one for each key pose. "baked" writes the posed
+        shape as a static mesh. In a glTF file, the default is "skin". If the mesh already has a skin, which the file
+        keeps, the default is "morph", or "baked" if the mesh also has morph targets.
     influences
-        The largest number of joints that a vertex follows: by default 4, which every reader supports. The largest
-        weights of a vertex are kept and divided by their sum. "all" keeps all weights. If a vertex has more than 4,
-        they are stored in further vertex attributes, which few readers support.
+        The largest number of joints that a vertex follows, by default 4, which all programs can read. The largest
+        weights of a vertex are kept and divided by their sum. "all" keeps all weights. Weights after the fourth are
+        stored in further vertex attributes, which few programs can read.
     poses
-        Key poses, ordered by time. They become an animation that is linear between poses.
+        Key poses, ordered by time. They become an animation with linear interpolation.
 
     Returns
     -------
     report
-        What was written, with the largest and the mean distance from the result of `dfd.pose`. If no weight is pruned,
-        no weights sum to more than 1 and the blend is linear, the only difference is rounding to 32-bit floats.
+        The contents of the file, and the largest and mean distance of its vertices from the result of `dfd.pose`.
 
-    Raises ValueError if the file ending is not supported or does not fit `form`, or the session has no handle. Raises
-    ValueError for "skin" if the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be
-    inverted. Raises ValueError for "morph" if the mesh has its own morph targets. Raises ValueError if a key pose is of
-    other handles, is not later than the pose before it, or scales a joint along other axes. Raises OSError if a file
-    cannot be written; an existing file stays unchanged.
+    Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError for "skin" if there
+    is no handle, the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be inverted.
+    Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
+    ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
+    than a joint's. Raises OSError if a file cannot be written; an existing file stays unchanged.
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)
@@ -81,7 +81,7 @@ def export_rig(
     if joints == rig.default + 1:
         raise ArgumentError("session", "must have a handle, got none: there would be no joint to pose", "export_rig")
     if joints is not None and joints > MOST_JOINTS:
-        why = f"must have at most {MOST_JOINTS} joints with the root's, got {joints}"
+        why = f"must have at most {MOST_JOINTS} joints, including the root joint, got {joints}"
         raise ArgumentError("session", why, "export_rig")
     if form == "baked":
         mesh = session.mesh
@@ -96,7 +96,7 @@ def export_rig(
 def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
     """Return the form in which a session of `mesh` is written to `path`, and a note if the mesh's own skin decides it.
 
-    Raises ValueError if `form` is not known, or is not possible beside a skin or morph targets of the mesh's own file.
+    Raises ValueError if `form` is unknown, does not fit the file ending, or would replace a skin or morph targets.
     """
     ending = path.suffix.lower()
     if form is not None:
@@ -121,7 +121,7 @@ def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str
 
 
 def _most(influences: int | str | None) -> int | None:
-    """Return the largest number of influences of a vertex, or None for all."""
+    """Return the largest number of influences of a vertex; None means that there is no limit."""
     if influences is None:
         return PORTABLE_INFLUENCES
     if isinstance(influences, str):

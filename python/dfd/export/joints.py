@@ -1,9 +1,9 @@
-"""Joints: the position and the axes of a handle in other programs, and its transforms relative to these axes.
+"""Joints, which represent handles in other programs. The frame of a joint is its position and its three axes.
 
-A rigid map Φ maps a handle to a counterpart. If the handle has the transform D, the counterpart has Φ D Φ⁻¹. Φ also
-maps the handle's joint to the counterpart's joint, so all joints of a handle have the same transform in their own
-frames. A frame is right-handed. If Φ is a reflection, all three axes of the frame are negated. So the same rotation
-acts mirrored, as animators expect of mirrored joints.
+A rigid map Φ maps a handle to one of its counterparts. If the handle has the transform D, the counterpart has Φ D Φ⁻¹.
+Φ also maps the frame of the handle's joint to the frame of the counterpart's joint. So all joints of a handle have the
+same transform in their own frames. Frames must be right-handed, so the three axes are negated if Φ is a reflection.
+The same rotation then acts mirrored, as animators expect of mirrored joints.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
-# Off-diagonal entries of a scale matrix are rounding if they are below this share of the largest factor.
+# Off-diagonal entries of a scale matrix count as rounding errors below this fraction of the largest scale factor.
 SHEAR = 1e-9
 
 
 @dataclass(frozen=True)
 class Local:
-    """The transform of a joint in its own frame: scale, then rotation, then translation."""
+    """The transform of a joint in its own frame or relative to its parent: scale, then rotation, then translation."""
 
     translation: Float64  # (3,) mesh units
     rotation: Float64  # (4,) quaternion x, y, z, w
@@ -37,19 +37,18 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint: vertices follow its transform with their weights."""
+    """A joint of a rig. Each vertex follows the transform of the joint by a weight."""
 
     name: str  # unique in the rig
-    handle: int | None  # the id of its handle; None for the root and for D₀
-    center: Vector  # (3,) the handle's own position in mesh units: the pivot of transforms that give no pivot
-    # pivot, axes: (3,) and (3, 3) the origin of the handle's frame, and its axes as columns
-    pivot: Float64
-    axes: Float64
+    handle: int | None  # id of its handle; None for the root joint and for the joint of the default transform D₀
+    center: Vector  # (3,) position of the handle, mesh units; it is the pivot of transforms without a pivot
+    pivot: Float64  # (3,) origin of the handle's frame, mesh units
+    axes: Float64  # (3, 3) axes of the handle's frame, as columns
     carry: Float64  # (4, 4) the rigid map Φ from the handle to this joint; a reflection for a mirror image
 
     @property
     def frame(self) -> Float64:
-        """Return the rigid map (4, 4), without reflection, from the resting joint's own coordinates to the mesh's."""
+        """Return the rigid map (4, 4), without reflection, from the frame of the joint at rest to mesh coordinates."""
         frame = np.eye(4)
         frame[:3, :3] = self.carry[:3, :3] @ self._basis
         frame[:3, 3] = self.carry[:3, :3] @ self.pivot + self.carry[:3, 3]
@@ -57,13 +56,13 @@ class Joint:
 
     @property
     def _basis(self) -> Float64:
-        """Return the axes (3, 3), negated if `carry` mirrors them."""
+        """Return the axes (3, 3), negated if `carry` maps them to a left-handed frame."""
         return self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
 
     def local(self, transform: Transform) -> Local:
         """Return the joint's transform in its own frame, if the handle has the transform `transform`.
 
-        Raises ValueError if `transform` scales along axes other than the joint's, because that would be a shear.
+        Raises ValueError if `transform` scales along axes other than the joint's, because the result would be a shear.
         """
         basis = self._basis
         axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T
@@ -72,7 +71,7 @@ class Joint:
         beside = stretch - np.diag(np.diag(stretch))
         if np.abs(beside).max() > SHEAR * np.abs(transform.scale).max():
             raise ValueError(
-                f"`poses` must scale handle {self.handle} along the same axes throughout: a joint has only one set"
+                f"`poses` must scale handle {self.handle} along the same axes throughout: joint axes are fixed"
             )
         turn = basis.T @ rotation_matrix(transform.rotation) @ basis
         moved = transform.matrix(self.center)
@@ -80,7 +79,7 @@ class Joint:
         return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
 
     def placed(self, local: Local) -> Local:
-        """Return `local` relative to a parent that is at the mesh's origin and is not rotated."""
+        """Convert `local`, a transform in the joint's frame, to a parent without rotation at the origin of the mesh."""
         frame = self.frame
         rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
         return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

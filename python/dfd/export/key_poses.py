@@ -1,4 +1,4 @@
-"""Key poses: transforms of handles at moments of time, exported as an animation."""
+"""Key poses: the transforms of handles at given times. They are exported as an animation."""
 
 import json
 import os
@@ -25,9 +25,9 @@ class KeyPose:
     handle's id, or a value is not a transform.
     """
 
-    seconds: float  #: Time of the moment, at least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handles' ids; other handles rest
-    name: str = ""  #: A name for display, which glTF does not store
+    seconds: float  #: Time of the pose in the animation, at least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; other handles are at rest
+    name: str = ""  #: A name for display; glTF stores it only for morph targets
 
     def __post_init__(self) -> None:
         keep = object.__setattr__
@@ -44,7 +44,7 @@ class KeyPose:
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
     """Return `poses` as a tuple.
 
-    Raises ValueError if they are not ordered by time, or refer to handles that are not in `edit`.
+    Raises ValueError if an item is no key pose, is not later than the one before it, or has a handle not in `edit`.
     """
     known = {handle.id for handle in edit.handles}
     before = None
@@ -63,7 +63,7 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
 
 
 def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
-    """Return `edit` with the transforms of `pose`."""
+    """Return `edit` with the transforms of `pose`; all handles without a transform in `pose` are at rest."""
     handles = (replace(each, transform=pose.transforms.get(each.id, Transform())) for each in edit.handles)
     return replace(edit, handles=tuple(handles))
 
@@ -95,9 +95,9 @@ _POSES = TypeAdapter(tuple[_Pose, ...])
 def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     """Return the key poses in a JSON file, for example a timeline that the app saved.
 
-    The file is a list of objects with `seconds`, a `name` and `transforms`. A transform has the id of a `handle`, a
-    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot`, `axes`, `bend`,
-    `twist` and `joint`, as in an edit.
+    The file is a list of objects with `seconds`, `transforms` and an optional `name`. Each transform is an object:
+    `handle` is the id of its handle, `translation` is in mesh units, and `rotation` is a rotation vector in degrees.
+    `scale`, `pivot`, `axes`, `bend`, `twist` and `joint` are as in an edit file.
 
     Raises OSError if the file cannot be read. Raises ValueError if it is malformed; the message names the field and the
     value found there.
@@ -107,7 +107,7 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
         documents = _POSES.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the document"
+        where = ".".join(map(str, first["loc"])) or "the file"
         raise ValueError(f"read_key_poses: `path` {path}: {where}: {_sentence(first)}") from None
     names = [each.name for each in fields(Transform) if each.init]
     return tuple(

@@ -10,18 +10,17 @@ from dfd.export.skinning import Difference, Skin
 
 @dataclass(frozen=True, kw_only=True)
 class RigReport:
-    """The report of a written rig: its contents, and its deviation from `dfd.pose`."""
+    """The report of a written file: its contents, and its deviation from the result of `dfd.pose`."""
 
     path: Path
     form: str  # "skin", "morph" or "baked"
     joints: int = 0  # 0 without a skin
-    influences: int = 0  # the largest number of joints that a vertex follows
+    influences: int = 0  # largest number of joints that a vertex follows
     targets: int = 0  # number of morph targets
-    pruned: float = 0.0  # the largest share of a vertex's weight that was pruned, in [0, 1]
-    normalized: int = 0  # number of vertices with a negative weight or a sum above 1, which no format can store
-    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, in the pose `at`
-    largest: float
-    mean: float
+    pruned: float = 0.0  # largest fraction of a vertex's total weight that was left out, to limit its influences
+    normalized: int = 0  # number of vertices whose weights changed, because one was negative or their sum exceeded 1
+    largest: float  # largest distance of a vertex in the file from the result of `dfd.pose`, mesh units
+    mean: float  # mean of these distances in the pose `at`, mesh units
     at: str  # the pose with the largest distance: "the edit", or the name of a key pose
     size: float  # the diagonal of the resting shape's bounding box, mesh units
     notes: tuple[str, ...] = ()  # sentences about other differences between the file and the edit
@@ -57,7 +56,7 @@ def report_of(
     targets: int = 0,
     notes: tuple[str, ...] = (),
 ) -> RigReport:
-    """Return the report of a rig in a file that deviates from `dfd.pose` by `difference`."""
+    """Return the report of a rig that was written to the file `path`; `difference` is its deviation from `dfd.pose`."""
     where: dict[str, Any] = {**vars(difference), "size": rig.mesh.diagonal, "targets": targets}
     if skin is not None:
         where |= {"joints": len(rig.joints), "influences": skin.joints.shape[1]}

@@ -27,20 +27,20 @@ class Rig:
 
     mesh: Mesh  # the resting shape
     edit: Edit
-    # joints: (J) first the root, which never moves and is the parent of all others; then D₀ if the edit has one
+    # joints: first the root, which never moves and is the parent of all others; then the joint of D₀ if the edit has D₀
     joints: tuple[Joint, ...]
-    origin: Float64  # (3,) subtracted from a file's vertices; not 0 if the shape is too far from 0 for 32-bit floats
-    default: int  # index of the joint whose weight is 1 minus the sum of the others: the joint of D₀, or else the root
+    origin: Float64  # (3,) mesh units; subtracted from the vertices in a file, if 32-bit floats are too coarse, else 0
+    default: int  # index of the joint whose weight is 1 minus all other weights: that of D₀, or else the root
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _posed: PosedShape
-    _weights: Float32  # (V, C) columns of weights of the session
-    _column: Int64  # (J − default − 1,) the column of each joint after `default`; these joints follow handles
-    _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the plane's negative side
+    _weights: Float32  # (V, C) weights of the session, one or more columns for each handle
+    _column: Int64  # (J − default − 1,) column of `_weights` for each joint of a handle; they come after `default`
+    _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the negative side of the mirror plane
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
-        """Yield ranges of N vertices, and their weights (N, J) as in `dfd.pose`.
+        """Yield slices of N vertices, and the weights (N, J) with which they follow the joints in `dfd.pose`.
 
-        The weights of a vertex sum to 1, or to the sum of its handles' weights if that is larger.
+        The weights of a vertex sum to 1, or to more than 1 if the weights of the handles alone do so.
         """
         plane = self.edit.symmetry
         first = self.default + 1
@@ -67,7 +67,7 @@ class Rig:
         return self._posed.of(edit)
 
     def transforms(self, edit: Edit) -> list[Transform]:
-        """Return the transforms (J) of the joints' handles in `edit`; D₀ and the root have their own."""
+        """Return for each joint the transform of its handle in `edit`; for the joint of D₀, return D₀."""
         rest = Transform()
         of_handle = {handle.id: handle.transform for handle in edit.handles}
         found = [rest if joint.handle is None else of_handle[joint.handle] for joint in self.joints]
@@ -87,7 +87,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
-    # All key poses share the weights, so the blend bands are the widest that any pose needs.
+    # All key poses share one array of weights. So the blend bands along borders of parts are the widest of all poses.
     every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
     widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
     weights, columns = session.bound.columns(edit, widest)
@@ -103,7 +103,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle = edit.handles[column.handle]
         name, pivot = handle.name or f"handle {handle.id}", np.asarray(handle.pivot)
         carry, frame = _carry(column, handle), _frame(moves[handle.id])
-        # A column acts on the side of the plane on which its counterpart lies, and its mirror image on the other side.
+        # The joint of a counterpart acts on one side of the plane, and the joint of its mirror image on the other side.
         below = plane is not None and bool(np.dot(column.counterpart.position, plane.normal) < plane.offset)
         for mirror in (False,) if plane is None else (False, True):
             image = plane.reflection @ carry if plane is not None and mirror else carry
@@ -117,7 +117,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or of the first with axes."""
+    """Return the axes (3, 3), as columns, of the first transform with unequal scales, else of the first with axes."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:
@@ -134,7 +134,7 @@ def _carry(column: Column, handle: Handle) -> Float64:
 
 
 def _side(plane: SymmetryPlane, points: Float64) -> Float64:
-    """Return the share (N,) of the normal's side of the plane at points (N, 3): a smoothstep across the band."""
+    """Return the weight (N,) of the plane's positive side at points (N, 3): a smoothstep across the plane's band."""
     height = plane.signed_distance(points)
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)

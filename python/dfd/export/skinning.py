@@ -1,4 +1,4 @@
-"""Compute the skin of a file from a rig, with a few joints for each vertex, and its deviation from `dfd.pose`."""
+"""Compute the skin of a rig, with a limited number of joints for each vertex, and its deviation from `dfd.pose`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,16 +9,15 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
 
-ROUNDING = 1e-5  # sums of weights exceed 1 by less than this if rounding to 32-bit floats is the only cause
+ROUNDING = 1e-5  # a weight below 0, or a sum of weights above 1, counts as rounding if it differs by less than this
 
 
 @dataclass(frozen=True)
 class Difference:
     """The deviation of a file from `dfd.pose`, in the pose in which it is largest."""
 
-    # largest, mean: distances of vertices, mesh units, in the pose `at`
-    largest: float = 0.0
-    mean: float = 0.0
+    largest: float = 0.0  # largest distance of a vertex, in the pose `at`, mesh units
+    mean: float = 0.0  # mean distance of the vertices, in the pose `at`, mesh units
     at: str = "the edit"  # the pose with the largest distance: "the edit", or the name of a key pose
 
 
@@ -26,16 +25,15 @@ class Difference:
 class Skin:
     """The skin of a rig as a file stores it; vertices and joints are relative to the rig's origin."""
 
-    # joints: (V, K) the joints of each vertex, by descending weight; 0 if the weight is 0
-    joints: Int64
+    joints: Int64  # (V, K) indices of the joints of each vertex, by descending weight; 0 if the weight is 0
     weights: Float32  # (V, K) weights of these joints; the weights of a vertex sum to 1 within 1e-6
-    pruned: float  # the largest share of a vertex's weight that was pruned, in [0, 1]
+    pruned: float  # largest fraction of a vertex's total weight that was left out
     normalized: int  # number of vertices whose weights changed, because they were negative or summed to more than 1
     binds: Float32  # (J, 4, 4) inverse bind matrices
-    moments: list[list[Local]]  # (M, J) transforms of each joint, in the edit and then in each key pose
+    moments: list[list[Local]]  # for the edit, and then for each key pose, the transforms of the J joints
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the vertices (V, 3) that a reader shows at moment number `moment`: Σ_k w_k M_k B_k v."""
+        """Return the vertices (V, 3) that viewers show: Σ_k w_k M_k B_k v, with `moments[moment]` M and `binds` B."""
         points = (rig.mesh.vertices - rig.origin).astype(np.float32).astype(np.float64)
         matrices = np.array([local.matrix for local in self.moments[moment]]) @ self.binds.astype(np.float64)
         result = np.empty_like(points)
@@ -49,7 +47,7 @@ class Skin:
 
 
 def skin_of(rig: Rig, most: int | None) -> Skin:
-    """Return the skin of a rig, with the `most` joints of largest weight for each vertex. None keeps all joints.
+    """Return the skin of a rig. Each vertex keeps the `most` joints with the largest weights, or all if `most` is None.
 
     Raises ValueError if a joint scales along axes other than its own, or its pivot is too far away for 32-bit floats.
     """
@@ -78,7 +76,7 @@ def skin_of(rig: Rig, most: int | None) -> Skin:
 
 
 def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
-    """Return the deviation from `dfd.pose`; `shown` returns the vertices (V, 3) that the file shows at a moment."""
+    """Return the deviation from `dfd.pose` of a file whose vertices (V, 3) at moment m are `shown(m, rig)`."""
     found = Difference()
     for moment, (name, edit) in enumerate(rig.moments()):
         distance = np.linalg.norm(shown(moment, rig) - rig.posed(edit), axis=1)
@@ -88,7 +86,7 @@ def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
 
 
 def _summing_to_one(weights: Float64) -> Float32:
-    """Return 32-bit weights whose rows sum to 1. The first and largest weight of a row absorbs the rounding errors."""
+    """Return 32-bit weights whose rows sum to 1. The first weight, the largest, absorbs rounding."""
     single = weights.astype(np.float32)
     single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
@@ -96,7 +94,7 @@ def _summing_to_one(weights: Float64) -> Float32:
 
 
 def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
-    """Return the maps (J, 4, 4) from the coordinates of the file's vertices to each joint's own coordinates."""
+    """Return the maps (J, 4, 4) from the coordinates of the file's vertices to the frame of each joint."""
     frames = np.array([joint.frame for joint in joints])
     frames[:, :3, 3] -= origin
     with np.errstate(over="ignore", invalid="ignore"):
@@ -104,12 +102,12 @@ def _inverse_binds(joints: Sequence[Joint], origin: Float64) -> Float32:
     wrong = ~np.isfinite(inverse).all(axis=(1, 2))
     if wrong.any():
         joint = joints[int(wrong.argmax())]
-        raise ValueError(f"export_rig: joint {joint.name!r} has a pivot too far away to be inverted in 32-bit floats")
+        raise ValueError(f"export_rig: joint {joint.name!r} is too far away: 32-bit floats cannot invert its matrix")
     return inverse
 
 
 def _moments(rig: Rig) -> list[list[Local]]:
-    """Return each joint's transform in the edit and in each key pose, rounded to 32 bits, with continuous rotations."""
+    """Return the joints' transforms relative to the root, in the edit and in each key pose, rounded to 32 bits."""
     moments: list[list[Local]] = []
     for _, edit in rig.moments():
         placed = []
@@ -117,7 +115,7 @@ def _moments(rig: Rig) -> list[list[Local]]:
             local = joint.placed(joint.local(transform))
             parts = (local.translation - rig.origin, local.rotation, local.scale)
             translation, rotation, scale = (part.astype(np.float32).astype(np.float64) for part in parts)
-            if moments and rotation @ moments[-1][number].rotation < 0:
+            if moments and rotation @ moments[-1][number].rotation < 0:  # of q and −q, take the closer quaternion
                 rotation = -rotation
             placed.append(Local(translation, rotation, scale))
         moments.append(placed)

@@ -13,8 +13,8 @@ from dfd.weights.compact import CompactFeatures
 CLAY = (0.85, 0.84, 0.82)  # sRGB color of a surface without data, and of weight 0
 # sRGB colors of the heat map from weight 0 to 1. Lightness decreases, so color-blind people can read the map.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
-LARGEST_SAMPLE = 20_000  # most features from which principal directions are computed; more hardly change them
-PERCENTILES = (1.0, 99.0)  # percentiles along a principal direction that get the lowest and the highest color value
+LARGEST_SAMPLE = 20_000  # largest number of features from which the principal directions are computed
+PERCENTILES = (1.0, 99.0)  # percentiles of a principal component that get the lowest and the highest color value
 
 # Matrices of Oklab (Ottosson 2020): from linear sRGB to cone responses, and from their cube roots to Oklab.
 _TO_CONE = np.array(
@@ -50,8 +50,8 @@ def weight_colors(weights: ArrayLike) -> Float32:
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     """Return sRGB colors (V, 3), in [0, 1], of `features` (V, D): their first three principal components.
 
-    The components are shown as red, green and blue. The 1st and the 99th percentile of each have the lowest and the
-    highest value. The largest entry of each principal direction is positive, so equal features have equal colors.
+    The components are shown as red, green and blue. The 1st percentile of a component gets the lowest value, and the
+    99th the highest. The sign of each principal direction is fixed: its entry of largest magnitude is positive.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -76,7 +76,7 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of the part numbers `labels` (V,); each part has another hue.
+    """Return sRGB colors (V, 3), in [0, 1], of the part numbers `labels` (V,); each part has its own hue.
 
     Raises ValueError if `labels` is not a one-dimensional array of numbers of at least 0.
     """
@@ -91,7 +91,7 @@ def part_colors(labels: ArrayLike) -> Float32:
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
-    """Convert sRGB `colors` (N, 3) to Oklab: lightness and two hue axes, in which equal steps look equally large."""
+    """Convert sRGB `colors` (N, 3) to Oklab: lightness and two color axes. Equal steps in Oklab look equally large."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 

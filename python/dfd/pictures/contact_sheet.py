@@ -14,7 +14,7 @@ Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictu
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
-NARROWEST = 96  # least width of the page without margins, in pixels, so that headings fit
+NARROWEST = 96  # smallest width of the page without margins, in pixels, so that headings fit
 
 
 def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
@@ -22,9 +22,9 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
 
     Each of `rows` has a heading and pictures with captions. A picture is a uint8 array of shape (height, width, 3).
     Title, headings and captions may be empty. Rows without pictures are left out. Pictures are scaled to the height
-    `cell`, in pixels; text and margins are in proportion.
+    `cell`, in pixels. Text and margins grow with `cell`.
 
-    Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
+    Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is outside [16, 8192].
     """
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
@@ -71,7 +71,7 @@ def heat_bar(height: int) -> UInt8:
 
 
 def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
-    """Return a row: a heading, and below it the pictures side by side, each above its caption."""
+    """Return a row: a heading, and below it pictures side by side, with a caption below each picture."""
     head, size = _text(heading, width, max(10, cell // 14), INK), max(9, cell // 19)
     captions = [_text(caption, image.width, size, GRAY, centered=True) for image, caption in pictures]
     top = head.height + (cell // 32 if heading else 0)

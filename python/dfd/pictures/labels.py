@@ -1,4 +1,4 @@
-"""Draw marks and text on pictures: handles, fixed points, labels and the directions of the axes."""
+"""Draw marks and text on pictures: dots at handles, squares at fixed points, labels and the axes of coordinates."""
 
 import unicodedata
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ def _letter(letter: str) -> str:
 
 
 def _drawable(letter: str) -> bool:
-    """Return whether the typeface has the letter; all letters that a typeface lacks are drawn as the same box."""
+    """Return whether the typeface has the letter. A typeface draws the same box for all letters that it lacks."""
     typeface = font(20)
     mask, box = typeface.getmask(letter), typeface.getmask("\uffff")
     return mask.size != box.size or bytes(mask) != bytes(box)
@@ -68,7 +68,7 @@ AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
 
 
 def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: Sequence[str]) -> None:
-    """Write a label beside each of `positions` (H, 3), which are in the coordinates of `camera`."""
+    """Write a label beside each of `positions` (H, 3), which are in the same coordinates as the camera."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
         top = max(float(row) - 0.7 * size, 0.7 * size)  # the label stays inside the page
@@ -76,7 +76,7 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:
-    """Draw the directions of the axes in the lower left corner; the axis that points most to the camera is on top."""
+    """Draw the x, y and z axes in the lower left corner. The axis that points most to the camera is on top."""
     resolution = page.height
     length, size = max(14.0, 0.07 * resolution), max(10, resolution // 36)
     draw = ImageDraw.Draw(page)
@@ -102,10 +102,10 @@ def _write(
 
 
 BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
-RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark as a fraction of the picture's side, and least radius in pixels
+RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark as a fraction of the picture's side; smallest radius in pixels
 RIM = 1.4  # outer radius of the white rim, divided by the radius of the mark
 HIDDEN = 0.3  # opacity of a mark that the shape hides
-INSIDE = 0.02  # a surface hides marks that are deeper by more than this, in normalized coordinates
+INSIDE = 0.02  # a mark is hidden if a surface is in front of it by more than this; the shape lies in [−1, 1]³
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:

@@ -26,19 +26,19 @@ from dfd.views.raycast import Hits, Scene
 SAMPLES = 2  # number of samples along each side of a pixel
 LARGEST_RESOLUTION = 8192
 BAND = 1 << 17  # number of samples in a band of rows; bands are drawn one after another to limit memory
-HALO = 2  # rows of pixels beyond each side of a band that are drawn for the smoothing of occlusion, and then removed
+HALO = 2  # number of additional rows of pixels at each side of a band, which are only used to smooth occlusion
 CREASE = 30.0  # largest angle, in degrees, between a smooth normal and a face normal at which shading is smooth
 
-# Light from the sky above, the ground below, and a lamp above and to the left of the camera.
+# Brightness of the sky above, of the ground below, and of a lamp above and to the left of the camera.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
-LAMP_OFFSET = (-0.45, 0.60)  # direction of the lamp: its components right and up; the component to the camera is 1
+LAMP_OFFSET = (-0.45, 0.60)  # direction of the lamp: components to the right and up; the component to the camera is 1
 SHADE_RAYS = 2  # occlusion rays per sample
 # Ordered dither: the 4 × 4 samples of a tile cast occlusion rays in different directions.
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16
-SHADE_REACH = 0.7  # distance beyond which a surface does not occlude, in normalized coordinates
+SHADE_REACH = 0.7  # distance beyond which a surface does not occlude; the shape lies in [−1, 1]³
 SHADE_DEPTH = 0.75  # share of the sky's light that full occlusion removes
 MAX_LAYERS = 6  # largest number of surfaces that are drawn along a ray
-STEP = 1e-4  # distance behind a transparent surface at which a ray continues, in normalized coordinates
+STEP = 1e-4  # distance behind a transparent surface at which a ray continues; the shape lies in [−1, 1]³
 
 
 def picture(
@@ -58,7 +58,7 @@ def picture(
     axes: bool = False,
     resolution: int = 512,
 ) -> UInt8:
-    """Return a picture of `mesh` on white, at rest or moved, in its own or given colors.
+    """Return a picture of `mesh` on white, at rest or moved, in the mesh's own colors or in given colors.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def picture(
     labels
         A text beside each of `handles`, or an empty sequence.
     azimuth, elevation
-        Direction from the shape to the camera, in degrees. 0, 0 is the front, +z; azimuth 90 is +x, and elevation 90 is
-        above.
+        Direction from the shape to the camera, in degrees. With 0 and 0, the camera is in front, at +z. Azimuth 90 is
+        +x, and elevation 90 is above.
     zoom
         Magnification of the shape in the picture.
     target
@@ -143,7 +143,7 @@ def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
 
 
 class _Painter:
-    """Computes the light and color of a shape as one camera shows it, in normalized coordinates."""
+    """Computes the light and color of a shape for one camera. Coordinates are normalized to the cube [−1, 1]³."""
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class _Painter:
             ray = ray[onward]
             starts = place[onward] + STEP * directions[ray]
         color += light[:, None]
-        # sRGB values are averaged, not linear light, which gives smoother outlines of dark surfaces on white.
+        # The mean of sRGB values gives smoother outlines of dark surfaces on white than the mean of linear light.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: Float32 = samples.mean(axis=(1, 3))
         return pixels[begin - top : end - top]
@@ -221,7 +221,7 @@ class _Painter:
         return rgba
 
     def _light(self, normals: Float32, open_sky: Float32) -> Float32:
-        """Return the light (K,) on points with unit `normals` (K, 3) that see the share `open_sky` (K,) of the sky."""
+        """Return the light (K,) at points with unit `normals` (K, 3). They see the share `open_sky` (K,) of the sky."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
@@ -239,7 +239,7 @@ class _Painter:
             sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
             normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
         # If a face is seen from behind, its normals are reversed. Near an outline, a smooth normal can still point away
-        # from the camera. It is made perpendicular to the ray, because its reverse would point into the shape.
+        # from the camera. Such a normal is made perpendicular to the ray, because its reverse would point inward.
         turned = np.where(np.einsum("kc,kc->k", flat, directions) > 0, np.float32(-1), np.float32(1))
         normals *= turned[:, None]
         normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
@@ -270,7 +270,7 @@ class _Painter:
 
 
 def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
-    """Return the means (K,) of `values` (K,) over all samples in the tile around each sample that show the shape."""
+    """Return for each sample the mean of `values` (K,) over those samples of a tile around it that show the shape."""
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)

@@ -31,9 +31,9 @@ def save_sheet(
     advance: Callable[[], object] = lambda: None,
     **options: Any,
 ) -> None:
-    """Write pictures of each row from `views` sides; a single picture fills the file, several form a contact sheet.
+    """Write pictures of each row from `views` sides. A single picture fills the file. Several form a contact sheet.
 
-    Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is that of the first side, in degrees; by
+    Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is that of the first side, in degrees. By
     default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`.
     If `zoom` is not 1, the center of the picture is the mean position of the row's handles. `legend` adds the legend of
     the heat map to rows with weights. `advance` is called after each picture.
@@ -82,8 +82,8 @@ def save_before_after(
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
     """Return the arguments of `picture` for three pictures of a session: "before", "weights" and "after".
 
-    "before" shows the shape at rest, and "after" the posed shape. All have the same camera. Dots mark the handles, in
-    "after" at their posed positions. Without an `azimuth`, the camera faces the handles.
+    "before" shows the shape at rest, and "after" the posed shape. All have the same camera. Dots mark the handles; in
+    "after", the dots are at their posed positions. Without an `azimuth`, the camera faces the handles.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
@@ -100,7 +100,7 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
-    """Return the arguments of `picture` that show each part of a shape by a color and by its number, from 1."""
+    """Return arguments of `picture` for a picture in which each part has a color and a number, from 1."""
     return {
         "colors": part_colors(np.argmax([part.mask for part in found], axis=0)),
         "handles": mesh.vertices[[part.vertex for part in found]],

@@ -12,11 +12,11 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees
-ASIDE = 25.0  # angle, in degrees, by which the camera looks at the points from the side, to show the shape's depth
+ASIDE = 25.0  # degrees by which the camera turns aside from the frontal view of the points, to show depth
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) of `mesh`; without points, the front."""
+    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) or, without points, the front."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
@@ -30,7 +30,7 @@ def aim(
     target: ArrayLike | None,
     frame: Sequence[ArrayLike],
 ) -> tuple[Normalization, Camera]:
-    """Return the normalization of all points that the picture must contain, and the camera in normalized coordinates.
+    """Return the map of all points that the picture must contain into the cube [−1, 1]³, and the camera for this cube.
 
     `drawn` (V, 3) are the vertex positions that are drawn, in mesh units. The other arguments are those of `picture`.
     """

@@ -57,8 +57,8 @@ def test_names_that_no_folder_can_have_are_changed(names):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"file\na.obj\n", r"list.csv must have a column path, got file"),
-        (b"", r"list.csv must have a column path, got none"),
+        (b"file\na.obj\n", r"list.csv must have a column `path`, got file"),
+        (b"", r"list.csv must have a column `path`, got none"),
         (b"path\n", r"list.csv has no rows"),
         (b"path,name\n,x\n", r"row 1 of list.csv has no path"),
         (b"path\n\xff\xfe\n", r"list.csv is no CSV file in UTF-8"),

@@ -32,7 +32,7 @@ def shapes(run, chair, folder, monkeypatch):
     [
         (("batch", "none/*.ply", "-o", "out"), "nothing matches none/*.ply"),
         ((*BATCH, "--step", "dance"), "`--step` must be one of inspect"),
-        ((*BATCH, "--step", "inspect,edits"), "`--edit` and the step edits must be given together"),
+        ((*BATCH, "--step", "inspect,edits"), '`--edit` and the step "edits" must be given together'),
         (
             (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),
             "`--edit` and `--made-on` must be given equally often",

@@ -21,8 +21,8 @@ def test_a_file_of_key_poses_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("document", "message"),
     [
-        ("{", "the document: invalid json"),
-        ({}, "the document: input should be a valid"),
+        ("{", "the file: invalid json"),
+        ({}, "the file: input should be a valid"),
         ([{"transforms": []}], "0.seconds: field required"),
         ([{"seconds": -1, "transforms": []}], "0.seconds: input should be greater than or equal to 0, got -1"),
         ([{"seconds": 0, "transforms": [{"handle": 1, "turn": 3}]}], "0.transforms.0.turn: unexpected keyword"),

@@ -1,4 +1,4 @@
-"""A glTF document to which exporters add: the mesh's own glTF file, or a new one for other meshes.
+"""A glTF file to which exporters add content: a copy of the file from which the mesh was read, or a new file.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -23,13 +23,13 @@ from dfd.mesh.mesh import Mesh
 
 
 class GltfDocument(GltfPatch):
-    """The header and the data of the file that is being written. Exporters change the header in place."""
+    """The JSON header and the data of a glTF file that is being written. Exporters change the header in place."""
 
-    scene: SceneFile  # the displayed primitives; their R rows are the vertices as the file stores them
-    vertex: Int64  # (R,) the mesh's vertex of each row; -1 for a row that no face uses
+    scene: SceneFile  # the displayed primitives; a *row* is a vertex of one primitive, and there are R rows
+    vertex: Int64  # (R,) mesh vertex of each row; −1 for a row that no face uses
 
     def __init__(self, mesh: Mesh) -> None:
-        """Copy the content of the mesh's file."""
+        """Copy the glTF file from which `mesh` was read, or build a file for a mesh without one."""
         if mesh.scene is not None and mesh.scene.gltf is not None:
             self.scene = mesh.scene
             self.vertex = mesh.scene.vertex.astype(np.int64)
@@ -52,7 +52,7 @@ class GltfDocument(GltfPatch):
         return found
 
     def own_mesh(self, node: int) -> Header:
-        """Return the header of a node's mesh, copied if other nodes share it, with decompressed vertex data."""
+        """Return a node's mesh in the header, after copying it if nodes share it and decompressing its vertex data."""
         if node not in self._own:
             nodes = objects(self.header, "nodes")
             mesh = int(nodes[node]["mesh"])
@@ -67,7 +67,7 @@ class GltfDocument(GltfPatch):
         return content
 
     def _bound(self, node: int, number: int, primitive: Header) -> None:
-        """Add the bounds of positions, which the format requires, if they are missing or the file compresses them."""
+        """Add the bounds of positions, which glTF requires, if they are missing or the positions were compressed."""
         index = int(primitive["attributes"]["POSITION"])
         accessor, before = self.header["accessors"][index], self.source.header["accessors"][index]
         packed = "bufferView" not in before
@@ -77,11 +77,11 @@ class GltfDocument(GltfPatch):
             accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in LIMITS.items()}
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
-        """Return the attribute `name` (rows, components) of a primitive in the original file, or None without one."""
+        """Return an attribute, (rows, components), of a primitive in the original file; None if it is missing."""
         return self.source.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
-        """Return the rows (N,) of the consecutive corners that a primitive of the original file draws."""
+        """Return the vertex indices (N,) of a primitive's face corners in the original file, in order."""
         return self.source.corners(self._primitive(node, primitive))
 
     def _primitive(self, node: int, number: int) -> Header:
@@ -89,7 +89,7 @@ class GltfDocument(GltfPatch):
         return self.source.header["meshes"][mesh]["primitives"][number]
 
     def zeros(self, count: int) -> int:
-        """Append `count` vectors of three zeros, without stored data, and return the number of their accessor."""
+        """Append an accessor of `count` zero vectors, for which glTF stores no data, and return its index."""
         nothing = [0.0, 0.0, 0.0]
         accessor = {"componentType": FLOAT, "count": count, "type": "VEC3", "min": nothing, "max": nothing}
         return self.append("accessors", accessor)
@@ -100,7 +100,7 @@ class GltfDocument(GltfPatch):
 
 
 def _rows_written(mesh: Mesh) -> Int64:
-    """Return the mesh's vertex (R,) of each row that `as_gltf` writes."""
+    """Return the mesh vertex (R,) of each row in the file that `as_gltf` writes."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))
     vertex = mesh.scene.vertex.astype(np.int64)

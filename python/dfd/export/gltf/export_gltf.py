@@ -1,4 +1,4 @@
-"""Write a rig as a glTF file, with a skin or with morph targets. Its key poses become a linear animation."""
+"""Write a rig as a glTF file, with a skin or with morph targets. Key poses become a linear animation."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,7 +18,7 @@ NAME = "dfd key poses"
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
-    """Write a rig as a "skin" with at most `most` influences per vertex, or as "morph" targets.
+    """Write a rig to the file `target`, as a "skin" with at most `most` influences per vertex or as "morph" targets.
 
     Raises the errors of `export_rig`.
     """
@@ -33,7 +33,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
             for path in ("translation", "rotation", "scale")
         )
         _animate(document, rig, channels)
-        note = f"the file's own animations no longer move {left}; with morph targets they would"
+        note = f"the file's own animations no longer move {left}; morph targets would keep these motions"
         notes = (note,) if left else ()
         report = report_of(rig, target, form, difference_of(rig, found.shown), skin=found, notes=notes)
     else:
@@ -46,7 +46,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 
 
 def _animate(document: GltfDocument, rig: Rig, channels: Iterable[tuple[int, str, NDArray[Any]]]) -> None:
-    """Append an animation. A channel is a node, the name of a property, and its values at the key poses."""
+    """Append an animation. A channel is a node, a property of this node, and the property's values at the key poses."""
     if not rig.poses:
         return
     animation: Header = {"name": NAME, "channels": [], "samplers": []}

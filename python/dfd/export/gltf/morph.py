@@ -1,4 +1,4 @@
-"""Morph targets: one for each handle that moves, or one for the edit and one for each key pose.
+"""Morph targets: one for each handle that moves. With key poses, one for the edit and one for each key pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
@@ -24,11 +24,11 @@ class MorphTargets:
     """Morph targets of a mesh, and their weights over time."""
 
     names: Sequence[str]
-    shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape if that target has weight 1, all others 0
+    shapes: Sequence[Float64]  # T arrays (V, 3), mesh units: the vertices if one target has weight 1 and all others 0
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the shape (V, 3) at moment number `moment`: resting positions plus weighted displacements."""
+        """Return the vertices (V, 3) in row `moment` of `weights`: resting positions plus weighted displacements."""
         rest = rig.mesh.vertices
         result = (rest - rig.origin).astype(np.float32) + rig.origin
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
@@ -38,14 +38,15 @@ class MorphTargets:
 
 
 def targets_of(rig: Rig) -> MorphTargets:
-    """Return the targets of a rig: one for each handle that moves and for D₀, or, with key poses, one for each pose.
+    """Return the targets of a rig: one for each handle that moves, and one for the default transform D₀ if it moves.
 
-    Raises ValueError if nothing moves and there is no key pose.
+    If the rig has key poses, return one target for the edit and one for each key pose instead. Raises
+    ValueError if nothing moves and there is no key pose.
     """
     if rig.poses:
         poses = list(rig.moments())
         return MorphTargets([name for name, _ in poses], [rig.posed(edit) for _, edit in poses], np.eye(len(poses)))
-    names = {joint.handle: joint.name for joint in reversed(rig.joints)}  # names of the first joint of each handle
+    names = {joint.handle: joint.name for joint in reversed(rig.joints)}  # a handle has the name of its first joint
     moving = [each.id for each in rig.edit.handles if each.id in names and not each.transform.rests]
     edits = {names[handle]: _alone(rig.edit, handle) for handle in moving}
     if rig.edit.default is not None and not rig.edit.default.rests:
@@ -57,7 +58,7 @@ def targets_of(rig: Rig) -> MorphTargets:
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add the targets, with the weights of the edit, to all displayed nodes, which lack targets. Return the nodes."""
+    """Add targets and their weights in the edit to all displayed nodes, which must lack targets. Return the nodes."""
     rest = _document_positions(document, rig.mesh.vertices)
     moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
@@ -83,14 +84,14 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
         mesh["weights"] = targets.weights[0].tolist()
         extras = mesh.setdefault("extras", {})
         if isinstance(extras, dict):
-            extras["targetNames"] = list(targets.names)  # Blender, three.js and others read the names here
+            extras["targetNames"] = list(targets.names)  # Blender, three.js and others read names from here
         objects(document.header, "nodes")[node].pop("weights", None)
         nodes.append(node)
     return nodes
 
 
 def _alone(edit: Edit, handle: int | None) -> Edit:
-    """Return `edit` without D₀, and with all handles at rest except one. None leaves all at rest."""
+    """Return `edit` without D₀, and with all handles at rest except `handle`; with None, all are at rest."""
     rest = Transform()
     handles = tuple(each if each.id == handle else replace(each, transform=rest) for each in edit.handles)
     return replace(edit, handles=handles, default=None)
@@ -99,9 +100,9 @@ def _alone(edit: Edit, handle: int | None) -> Edit:
 def _target(
     document: GltfDocument, primitive: Primitive, moved: Float64, new: Float64 | None, content: Header
 ) -> Header:
-    """Return a morph target of a primitive: displacements of its positions and normals, in its own coordinates.
+    """Return a morph target of a primitive: displacements of its positions and normals, in local coordinates.
 
-    `moved` (V, 3) are the displacements of the mesh's vertices, and `new` are the new normals of the primitive's rows.
+    `moved` (V, 3) are the displacements of the mesh vertices, and `new` (N, 3) are the new normals of the primitive.
     """
     vertex, old = document.vertex[primitive.rows], primitive.geometry.normals
     local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
@@ -114,7 +115,7 @@ def _target(
 
 
 def _document_positions(document: GltfDocument, vertices: Float64) -> Float64:
-    """Return the positions of the document's vertices if the vertices of the mesh are at `vertices` (V, 3)."""
+    """Return the vertices of `document.scene` if the vertices of the mesh are at `vertices` (V, 3)."""
     scene = document.scene
     result = scene.vertices.copy()
     known = (scene.vertex >= 0) & (document.vertex >= 0)

@@ -1,4 +1,4 @@
-"""Apply the transforms of nodes to their vertices, because a skin needs vertices in the coordinates of the scene."""
+"""Apply the transforms of nodes to their meshes, because a skin needs vertices in the coordinates of the scene."""
 
 from typing import Any
 
@@ -50,7 +50,10 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
 
 
 def stand_alone(document: GltfDocument, node: int) -> int:
-    """Return a root node without a transform that displays the mesh of `node`; this is `node` itself if possible."""
+    """Make a root node without a transform display the mesh of `node`, and return the index of the root node.
+
+    The root node is `node` itself, or a new node if children, a camera, an extension or an animation use `node`.
+    """
     header = document.header
     content = header["nodes"][node]
     transform_is_used = bool(
@@ -78,7 +81,7 @@ def stand_alone(document: GltfDocument, node: int) -> int:
 
 
 def _roots(header: Header) -> list[int]:
-    """Return the roots of the displayed scene."""
+    """Return the displayed scene's list of root nodes. Add a scene if the header has none."""
     if not objects(header, "scenes"):
         below = parents(header)
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
@@ -101,7 +104,7 @@ def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64
 
 
 def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
-    """Return vectors (N, 3) transformed by `transform`: normals by its inverse transpose, others by its linear part."""
+    """Apply `transform` to vectors (N, 3): its inverse transpose to normals, its linear part to all other vectors."""
     linear = transform[:3, :3]
     return vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
 
@@ -111,7 +114,7 @@ def _write(document: GltfDocument, name: str, values: Float64) -> int:
 
 
 def _reverse_corners(document: GltfDocument, node: int, number: int, primitive: Header) -> None:
-    """Exchange two corners of every triangle."""
+    """Reverse the order of the corners of every triangle of a primitive."""
     mode = primitive.get("mode", 4)
     if mode not in MODES_READ:
         return

@@ -1,7 +1,7 @@
 """Add a skin to a glTF file, with joints for the handles of a session.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertices, normals and inverse bind matrices
-are in the coordinates of the scene, because a skin ignores the transforms of nodes.
+are in the coordinates of the scene, because viewers ignore the transform of a node that has a skin.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 
 MOST_JOINTS = 65_535  # the attributes JOINTS_n store 16-bit numbers
-SET = 4  # influences in each pair of attributes JOINTS_n and WEIGHTS_n
+SET = 4  # number of influences in each pair of attributes JOINTS_n and WEIGHTS_n
 
 
 def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
-    """Return the names of the first scene part with a skin and the first with morph targets, or None without one."""
+    """Return the names of the first part of the scene with a skin and of the first with morph targets, each or None."""
     if mesh.scene is None or mesh.scene.gltf is None:
         return None, None
     nodes, meshes = (objects(mesh.scene.gltf.header, name) for name in ("nodes", "meshes"))
@@ -33,7 +33,7 @@ def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
 
 
 def left_behind(document: GltfDocument) -> list[str]:
-    """Return the names of scene parts that an animated node moves. A skin would ignore that node's animation."""
+    """Return the names of scene parts that animated nodes move. With a skin, these parts ignore the animations."""
     parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
@@ -47,7 +47,7 @@ def left_behind(document: GltfDocument) -> list[str]:
 
 
 def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
-    """Add a node for each joint of a rig, and bind all displayed nodes to them. Return the numbers of the new nodes.
+    """Add a node for each joint of a rig, bind all displayed meshes to the joints, and return the new nodes' indices.
 
     The root joint is a root of the scene, at the rig's origin. All other joints are its children.
     """
@@ -76,7 +76,7 @@ def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
 
 
 def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin: Skin, rig: Rig) -> None:
-    """Write joints and weights of a node's primitives. Rows that no face uses follow the joint `rig.default`."""
+    """Write the joints and weights of a node's primitives. Vertices without faces follow the joint `rig.default`."""
     dtype = "u1" if len(rig.joints) <= 256 else "<u2"
     known = {each.source[2]: each for each in primitives}
     done: dict[int, dict[str, int]] = {}
@@ -100,7 +100,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
-    """Return joints and weights (R, K) of rows; 4 divides K. `vertex` (R,) is the vertex of each row, or -1."""
+    """Return joints and weights of R rows, (R, K) with K a multiple of 4. `vertex` (R,) are their vertices, or −1."""
     count = skin.joints.shape[1]
     joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
     weights = np.zeros(joints.shape, np.float32)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
 _T = TypeVar("_T")
-MOST_TEXELS = 2**26  # largest total of texels in all decoded images of a file; 256 MiB as RGBA
+MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, they have 256 MiB
 
 
 class AssetFolder:
@@ -53,7 +53,7 @@ class AssetFolder:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
-        """Return the texels of an image file. If it cannot be read, add `shown` to `unreadable` and return None."""
+        """Return the texels of an image file, or None if it cannot be read. Then `shown` is added to `unreadable`."""
         try:
             return self.texels(self.read(name))
         except (ValueError, OSError):
@@ -61,9 +61,9 @@ class AssetFolder:
             return None
 
     def texels(self, data: bytes) -> UInt8:
-        """Return an image as RGBA (rows, columns, 4), the first row on top; equal bytes are decoded once.
+        """Return an image file as RGBA (rows, columns, 4), with the first row on top. Equal files are decoded once.
 
-        An image's header states its size, so that an image above the limit is refused before it is decoded.
+        The header of an image states its size. So an image above the limit is refused before it is decoded.
 
         Raises ValueError if the image cannot be decoded, or if all images together have more than `MOST_TEXELS`.
         """

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64
 
-COARSE = 1e-5  # largest accepted rounding by 32-bit floats, as a fraction of the shape's diagonal
+COARSE = 1e-5  # largest accepted rounding error of 32-bit floats, as a fraction of the bounding box's diagonal
 
 
 class Edits:
@@ -19,7 +19,7 @@ class Edits:
         self._new: list[bytes] = []
 
     def replace(self, spans: Int64 | Sequence[tuple[int, int]], new: Iterable[bytes]) -> None:
-        """Replace the bytes from start to end (exclusive) of each of `spans` (L, 2) by the matching entry of `new`."""
+        """Replace each of `spans` (L, 2), from its first byte up to its end (exclusive), by its entry of `new`."""
         self._spans.append(np.asarray(spans, np.int64).reshape(-1, 2))
         self._new += new
 
@@ -35,7 +35,7 @@ class Edits:
 
 
 def rows_as_text(values: NDArray[np.floating]) -> list[bytes]:
-    """Return each row of `values` (L, K) as text, each number in the shortest form that reads back exactly."""
+    """Return each row of `values` (L, K) as text. Each number has the shortest form that reads back exactly."""
     template = b" ".join([b"%a"] * values.shape[1])
     return [template % tuple(row) for row in values.tolist()]
 

@@ -15,7 +15,7 @@ from dfd.mesh.file.scene_file import SceneFile
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Return a trimesh object as a scene, with copies of its arrays; raise ValueError if it is not valid."""
+    """Return a trimesh object as a scene, with copies of its arrays; raise ValueError if the object is not valid."""
     if isinstance(source, trimesh.Trimesh):
         geometry = _geometry(source.copy())
         instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
@@ -61,7 +61,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
 
 
 def _is_default_material(material: Any) -> bool:
-    """Return whether trimesh made `material`, with an image of 2 × 2 texels, for a mesh without a material."""
+    """Return whether trimesh made `material` for a mesh without one; it then has an image of 2 × 2 texels."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 

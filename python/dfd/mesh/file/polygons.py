@@ -10,13 +10,15 @@ import numpy as np
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64
 
-_REFLEX = 1e-6  # a corner is reflex if its edges turn back by more than this fraction of twice the polygon's area
+# A corner is reflex if the cross product of its edges, along the polygon's normal, is below −_REFLEX × twice the area.
+_REFLEX = 1e-6
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
-    """Return a mask (P,) of the faces with at least three corners, by their `sizes` (P,); warn about all other faces.
+    """Return a mask (P,) of the faces with at least three corners, and warn if other faces are left out.
 
-    The warning states the line of the first such face, from the `lines` (P,) of all faces, or its number.
+    `sizes` (P,) are the faces' numbers of corners. The warning gives the number of the first face that is left out or,
+    if `lines` (P,) are the faces' line numbers, its line.
     """
     long: Bool = sizes >= 3
     if not long.all():
@@ -66,7 +68,7 @@ def ranges(starts: Int64, lengths: Int64) -> Int64:
 
 
 def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
-    """Return the sorted distinct rows (R, K) of `rows` (C, K), and the index (C,) of each given row among them."""
+    """Return the sorted distinct rows (R, K) of `rows` (C, K), and for each of `rows` its index (C,) among them."""
     key = np.zeros(len(rows), np.int64)
     for column in rows.T:
         shifted = column - column.min(initial=0)
@@ -91,7 +93,7 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
         edges = points[following] - points
         turns = np.empty_like(edges)
         turns[following] = np.cross(edges, edges[following])
-        around = np.cross(points - points[begins][polygon], edges)  # sums to Newell's normal
+        around = np.cross(points - points[begins][polygon], edges)  # their sum is Newell's normal
         normals = np.add.reduceat(around, begins, axis=0)
         size = np.linalg.norm(normals, axis=1)  # twice the area of each polygon
         unit = normals / np.where(size > 0, size, 1)[:, None]

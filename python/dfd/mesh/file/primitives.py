@@ -1,4 +1,4 @@
-"""Triangle geometries of one material each, and their instances in a scene."""
+"""Triangle geometries, each with a single material, and their instances in a scene."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
 
-MOST_ROWS = 10**8  # largest number of vertices or faces in a scene; a small file can place one geometry many times
-MOST_PRIMITIVES = 20_000  # largest number of primitives that are read from a glTF file; more would take seconds
+MOST_ROWS = 10**8  # largest number of vertices or faces in a scene; a small file with many instances can exceed it
+MOST_PRIMITIVES = 20_000  # largest number of primitives that are read from a glTF file; to read more would take seconds
 MOST_INSTANCES = 100_000  # largest number of instances of primitives in the scene of a glTF file
 
 IDENTITY = np.eye(4)  # the default transform; code recognizes this object with `is`
@@ -28,7 +28,7 @@ class Geometry:
 
     vertices: Float64  # (N, 3)
     faces: Int64  # (F, 3)
-    normals: Float64 | None = None  # (N, 3) those of the file
+    normals: Float64 | None = None  # (N, 3) the normals in the file; None if it has none
     uv: Float64 | None = None  # (N, 2) texture coordinates; v points up
     colors: Float32 | None = None  # (N, 4) display-referred RGBA in [0, 1]
     face_colors: Float32 | None = None  # (F, 4) RGBA of each face, in place of vertex colors
@@ -41,11 +41,11 @@ class Geometry:
 class MeshInstance:
     """One occurrence of a geometry in the scene."""
 
-    part: str  # name of the part; consecutive instances with equal names form one part
+    part: str  # name of a part of the scene; consecutive instances with equal names form one part
     name: str  # name of the geometry
     geometry: Geometry
-    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4), from local to scene, or (N, 4, 4) per vertex
-    source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
+    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) from local to scene, or (N, 4, 4) by vertex
+    source: tuple[int, int, int] = (0, 0, 0)  # indices of node, mesh and primitive in a glTF file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,35 +54,32 @@ class Primitive(MeshInstance):
 
     rows: slice  # the primitive's vertices among all rows of the scene
     faces: slice  # the primitive's faces among all faces of the scene
-    vertices: Float64  # (N, 3) positions in local coordinates; those of the geometry, unless `moved`
+    vertices: Float64  # (N, 3) positions in local coordinates; equal to the geometry's, unless `moved`
     normals: Float64 | None  # (N, 3) in local coordinates; None if the file has none
     moved: bool = False  # whether any vertex has moved
 
     def to_scene(self, points: Float64) -> Float64:
-        """Return local points (N, 3), one for each vertex, in scene coordinates."""
+        """Convert points (N, 3), one for each vertex, from local to scene coordinates."""
         if self.transform is IDENTITY:
             return points
         with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
             return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
 
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
-        """Return scene displacements (K, 3) of the vertices `rows` in local coordinates.
-
-        The pseudo-inverse of the transform is used, because a singular transform has no inverse.
-        """
-        return _applied(np.linalg.pinv(self._linear(rows)), vectors)
+        """Convert displacements (K, 3) of the vertices `rows` from scene to local coordinates."""
+        return _applied(np.linalg.pinv(self._linear(rows)), vectors)  # a singular transform has no inverse
 
     def from_scene(self, points: Float64, rows: Any = slice(None)) -> Float64:
-        """Return scene points (K, 3) of the vertices `rows` in local coordinates."""
+        """Convert positions (K, 3) of the vertices `rows` from scene to local coordinates."""
         shift = self.transform[..., :3, 3]
         return self.vectors_from_scene(points - (shift[rows] if shift.ndim > 1 else shift), rows)
 
     def normals_to_scene(self, normals: Float64) -> Float64:
-        """Return local normals (N, 3) as unit normals in the scene, by the inverse transpose of the transform."""
+        """Convert local normals (N, 3) to unit normals in the scene, by the inverse transpose of the transform."""
         return unit(_applied(np.swapaxes(np.linalg.pinv(self._linear(slice(None))), -1, -2), normals))
 
     def normals_from_scene(self, normals: Float64, rows: Any = slice(None)) -> Float64:
-        """Return scene normals (K, 3) of the vertices `rows` as unit normals in local coordinates."""
+        """Convert scene normals (K, 3) of the vertices `rows` to unit normals in local coordinates."""
         return unit(_applied(np.swapaxes(self._linear(rows), -1, -2), normals))
 
     @property
@@ -96,7 +93,7 @@ class Primitive(MeshInstance):
 
 
 def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
-    """Return the primitives that have faces, and the scene positions (R, 3) of all their vertices.
+    """Return the instances that have faces, as primitives, and the scene positions (R, 3) of all their vertices.
 
     Raises ArgumentError if there are no faces, too many rows or faces, or invalid coordinates, indices or transforms.
     """
@@ -142,7 +139,7 @@ def require_finite(vertices: Float64, owner: str = "") -> None:
 
 
 def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
-    """Multiply vectors (N, 3) by one matrix (3, 3), or each vector by its own matrix, (N, 3, 3)."""
+    """Multiply all vectors (N, 3) by one matrix (3, 3), or each vector by its own matrix if there are N, (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
 
 

@@ -1,4 +1,4 @@
-"""The scene of a mesh file: its primitives, the mesh vertex of each of their vertices, and the source file."""
+"""The scene of a mesh file: its primitives, the mesh vertex of each primitive vertex, and the source file."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _DEFAULT = Material(is_default=True)
 
 @dataclass(frozen=True)
 class FileSource:
-    """The content of an OBJ, PLY, STL or OFF file; saving with moved positions parses this content again."""
+    """The content of an OBJ, PLY, STL or OFF file. To save moved positions, the content is parsed again."""
 
     path: Path
     data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
-    numbers: Int64 | None = None  # (R,) the file's vertex of each row; None for STL files, which do not number vertices
+    numbers: Int64 | None = None  # (R,) vertex in the file for each row of the scene; None for STL files
     corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
 
 
 @dataclass(frozen=True)
 class SceneFile:
-    """The scene of a file or of a trimesh object; a mesh has its colors from this scene, and is saved with it.
+    """The scene of a file or of a trimesh object. A mesh gets its colors from the scene, and is saved with the scene.
 
     *Rows* are the concatenated vertices of all primitives. Along seams of texture or normals, a vertex of the file has
     several rows. All rows at one position belong to the first mesh vertex at this position.
@@ -44,8 +44,8 @@ class SceneFile:
     representative: Int32  # (V,) for each vertex, the first vertex at its position
     vertex: Int32  # (R,) mesh vertex of each row; −1 at positions that no face uses
     appearance: Appearance | None  # the colors of the faces; None if unknown
-    gltf: GltfData | None = None  # the source glTF file
-    source: FileSource | None = None  # the source file of another format
+    gltf: GltfData | None = None  # the source file, if it is a glTF file
+    source: FileSource | None = None  # the source file, if it has another format
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as indices of its own vertices, with their winding in the scene."""
@@ -66,7 +66,7 @@ class SceneFile:
         gltf: GltfData | None = None,
         source: FileSource | None = None,
     ) -> SceneFile:
-        """Return the scene of a file's instances, and number the vertices of the mesh.
+        """Return the scene with these `instances`, and number the vertices of the mesh.
 
         `own_vertices` (V, 3) is the file's list of vertices. `source.numbers` maps rows to this list; without these
         numbers, row i is vertex i. Without `own_vertices`, the vertices are the distinct positions that faces use, in
@@ -100,8 +100,8 @@ class SceneFile:
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
-    """Return the colors of the primitives, None if the file has none; `vertex` (R,) is the mesh vertex of each row."""
-    numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by the material and whether it has colors
+    """Return the appearance of all faces, or None without colors. `vertex` (R,) is the mesh vertex of each row."""
+    numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by material id and whether the surface has colors
     known: list[Material] = []
     of_primitive: list[int] = []
     colored, by_corner = False, False
@@ -122,7 +122,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
-    if colors is not None and by_corner:  # one row for each corner, because faces share rows
+    if colors is not None and by_corner:  # each corner gets its own row, because faces share rows
         rows = corner_faces.ravel()
         vertex, colors, uv = vertex[rows], colors[rows], None if uv is None else uv[rows]
         corner_faces = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)

@@ -28,7 +28,7 @@ from dfd.mesh.weld import weld
 def write(
     path: str | os.PathLike[str], vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None
 ) -> Float64:
-    """Write a mesh with its vertices at `vertices` (V, 3), within the scene of its source file if it has one.
+    """Write a mesh with its vertices at `vertices` (V, 3). A mesh from a file keeps the other content of its `scene`.
 
     Return the distances (N,) by which rounding to 32-bit floats moves vertices. Raises the errors of `Mesh.save`.
     """
@@ -95,7 +95,7 @@ def as_gltf(
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
-    """Write all files under temporary names, then rename them; `target` is last, so the files that it names exist."""
+    """Write all files under temporary names, then rename them: `target` last, because it refers to the other files."""
     names = sorted(files, key=lambda name: name != target.name)  # the file entered first is renamed last
     try:
         with ExitStack() as stack:
@@ -112,7 +112,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
-    """Return the moved source file, by its new name, and the distances by which 32-bit floats of STL move vertices."""
+    """Return the files to write, by name, for the moved source file, and the rounding of vertices in an STL file."""
     data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
@@ -154,7 +154,7 @@ def _encode_ply(
 
 
 def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primitive]:
-    """Return the primitives for mesh positions `vertices` (V, 3); vertices that do not move keep their bits."""
+    """Return the primitives after the mesh moves to `vertices` (V, 3). Unmoved vertices keep their exact values."""
     if scene is None:
         return []
     changed = (vertices != scene.vertices).any(axis=1)
@@ -171,12 +171,12 @@ def moved_primitives(vertices: Float64, scene: SceneFile | None) -> list[Primiti
 
 
 def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[Float64 | None]:
-    """Return each primitive's normals in local coordinates; None for a primitive without normals in the file.
+    """Return the new normals of each primitive in local coordinates; None for a primitive without normals in the file.
 
     The vertices move from `before` (V, 3) to `vertices` (V, 3). Rows, which are vertices of primitives, belong to one
     smooth surface if they have equal positions and equal normals, even on both sides of a texture seam. They get one
     new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different normals
-    lie on different sides of a sharp edge. Rows whose faces have not moved keep the bits of the file's normals.
+    lie on different sides of a sharp edge. Rows whose faces have not moved keep the exact normals of the file.
     """
     own = [each.normals for each in scene.primitives]
     changed = (vertices != before).any(axis=1)
@@ -195,7 +195,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     stale = np.zeros(len(first), bool)
     stale[faces[changed[scene.faces].any(axis=1)]] = True
     new = _normal_sums(vertices, scene, faces, len(first))
-    # Some files and mirroring transforms wind faces inward. New normals stay on the same side as the old normals.
+    # In some files or by mirroring transforms, faces are wound inward. New normals stay on the side of the old normals.
     inward = np.einsum("ij,ij->i", _normal_sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
@@ -210,5 +210,5 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
 
 
 def _normal_sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
-    """Return for each group of rows the sum (count, 3) of the normals of its faces, times twice the face area."""
+    """Return for each group of rows the sum (count, 3) of its face normals, each as long as twice the face's area."""
     return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

@@ -38,7 +38,7 @@ class GltfBuilder:
     ) -> int:
         """Append an array with one element in each row, and return the index of its accessor.
 
-        `attribute` marks the data of a vertex attribute. `bounds` also stores the smallest and largest values.
+        `attribute` marks the data as a vertex attribute. `bounds` also stores the smallest and largest values.
         """
         kind = _KINDS[values.shape[1:]]
         stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)

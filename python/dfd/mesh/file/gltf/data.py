@@ -21,7 +21,7 @@ from dfd.mesh.file.gltf.header import (
     whole,
 )
 
-_MOST_DECOMPRESSED = 64  # largest ratio of decompressed to compressed bytes, in all views together
+_MOST_DECOMPRESSED = 64  # largest number of decompressed bytes per compressed byte, in all buffer views together
 _SMALL = 2**26  # bytes; the ratio is checked only above this decompressed size
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
 _ALIGNMENT = 4  # bytes; programs may pad data to a multiple of this length
@@ -129,7 +129,7 @@ class GltfData:
         return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
-        """Return the attributes, by name, of a primitive that is compressed with Draco, and its faces as `indices`.
+        """Return the attributes of a Draco-compressed primitive by name, and its vertex indices as "indices".
 
         Return None if the primitive is not compressed.
         """
@@ -214,7 +214,7 @@ class GltfData:
         return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
-        """Return the items of an accessor, with the replacements that its `sparse` object lists."""
+        """Replace the items of `values` that the `sparse` object of an accessor lists, and return `values`."""
         parts: list[Any] = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else [None]
         if not all(isinstance(part, dict) for part in parts):
             raise ValueError(f"{what} is sparse, but has no indices or no values")

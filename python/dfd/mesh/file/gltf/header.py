@@ -24,7 +24,7 @@ MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]` installs both
-# Prefixes of extensions that a file may require: they affect only the appearance, add unrelated data or can be read.
+# Prefixes of extensions that a file may require. They affect only the appearance, add unrelated data or are supported.
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
@@ -34,10 +34,11 @@ _COLLECTIONS = (
     *("samplers", "scenes", "skins", "textures"),
 )
 _LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
-_MOST_ZEROS = 2**20  # largest number of items of an accessor without data, if no accessor with data has more
+_MOST_ZEROS = 2**20  # largest number of items of an accessor without data, unless an accessor with data has more
 _DEEPEST = 1000  # largest nesting depth of nodes
 _DEEPEST_JSON = 200  # largest nesting depth of JSON values
-_MOST_OVERLAP = 8  # largest ratio of the total lengths of views and buffers, and of accessors and views
+# Largest ratio of the total length of buffer views to that of buffers, and of the total of accessors to that of views.
+_MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; the ratio is checked only above this total length
 
 
@@ -64,7 +65,7 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON text of a GLB file, and its data chunk, or None if it has none."""
+    """Return the JSON text of a GLB file, and its data chunk; the chunk is None if the file has none."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])
@@ -269,7 +270,7 @@ def are_numbers(value: object) -> TypeGuard[list[float]]:
 
 
 def reference(header: Header, owner: Header, name: str, what: str) -> int:
-    """Return the index `owner[name]` of an object in the header's list `name`s; errors name the owner `what`."""
+    """Return the index `owner[name]` of an object in the header's list `f"{name}s"`. Errors begin with `what`."""
     value, count = whole(owner, name, what), len(header.get(f"{name}s", []))
     if value >= count:
         raise ValueError(f"{what} names {name} {value}, but there are {count}")
@@ -277,7 +278,7 @@ def reference(header: Header, owner: Header, name: str, what: str) -> int:
 
 
 def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
-    """Return the nonnegative integer `owner[name]` of the header; errors name the owner `what`."""
+    """Return the nonnegative integer `owner[name]` of the header. Errors begin with `what`."""
     value = owner.get(name, default)
     if isinstance(value, float) and value.is_integer():  # some programs write 12.0
         value = int(value)

@@ -25,9 +25,9 @@ _UNSIGNED = 5125
 
 
 def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
-    """Return the file with its primitives moved, as GLB or as glTF with embedded data.
+    """Return the file `source` with the `moved` primitives, as GLB or as glTF with embedded data.
 
-    External buffers and images are embedded. If one cannot be read, the reference to it is kept.
+    External buffers and images are embedded. If such a file cannot be read, the reference to it is kept.
     """
     patch = GltfPatch(source)
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
@@ -64,14 +64,14 @@ def keeps_origin(source: GltfData, each: Primitive) -> bool:
 
 
 class GltfPatch(GltfBuilder):
-    """A copy of a glTF file, with its data in one buffer, in which primitives are moved."""
+    """A copy of a glTF file in which primitives are moved. All data that can be read is in one buffer."""
 
     def __init__(self, source: GltfData) -> None:
         super().__init__(json.loads(json.dumps(source.header)))
         self.source = source
         self._take_buffers()
         self._take_pictures()
-        # Key: node, attribute, accessor. If primitives of a node share an accessor, its rows move for all of them.
+        # Keys: node, attribute and accessor. Values: the new data, and the `attributes` of all primitives that use it.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
@@ -120,7 +120,7 @@ class GltfPatch(GltfBuilder):
         content.setdefault("children", []).append(self.append("nodes", below))
 
     def move(self, node: int, primitive: dict[str, Any], each: Primitive, origin: Float64 | None = None) -> None:
-        """Replace the normals of a primitive, and its positions, which are stored relative to `origin` (3,)."""
+        """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # wrong on the moved surface; viewers recompute missing tangents
@@ -183,7 +183,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Record the rows that differ between `old` and `new`; `stored` are positions before morph targets, if any."""
+        """Record the rows that differ between `old` and `new`. `stored` are positions without morph targets, if any."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

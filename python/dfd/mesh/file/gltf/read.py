@@ -1,4 +1,4 @@
-"""Read the scene that viewers show of a glTF file: the triangles of its nodes, in the rest pose.
+"""Read the scene of a glTF file as viewers show it: the triangles of its nodes, in the rest pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021; morph targets and skins: sections 3.7.2.2 and 3.7.3.
 """
@@ -22,7 +22,7 @@ from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, 
 from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
-_SEAM = 1e-4  # gaps of up to this fraction of the longest side, which rounding opens at seams, are closed
+_SEAM = 1e-4  # seams that rounding opens by up to this fraction of the longest side of the box are closed
 
 
 def parse(data: bytes, assets: AssetFolder) -> GltfData:
@@ -73,7 +73,7 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
 def _skinned(
     primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: Float64
 ) -> dict[int, Float64]:
-    """Return the transforms (rows, 4, 4) of those primitives of a node that have skin weights, by primitive index."""
+    """Return the transforms (rows, 4, 4) of each primitive of a node that has skin weights, by primitive index."""
     found = {}
     for number, _, geometry in primitives:
         transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
@@ -96,7 +96,7 @@ def _geometry(
     vertices = positions.astype(np.float64)
 
     def values(name: str, *widths: int) -> NDArray[Any] | None:
-        """Return the attribute `name`; None if it is missing, or has another number of rows or none of the `widths`."""
+        """Return the attribute `name`; None if it is missing, or its numbers of rows or columns do not fit."""
         found = data.attribute(primitive, name)
         fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
         return found if fits else None
@@ -172,7 +172,7 @@ def shown_nodes(header: Header) -> set[int]:
 
 
 def world_transforms(header: Header) -> dict[int, Float64]:
-    """Return the transform (4, 4) from each node to the scene, even of nodes outside the scene, which can be joints."""
+    """Return the transform (4, 4) from each node to the scene. Nodes outside the scene are included, for joints."""
     nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, Float64] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
@@ -186,7 +186,7 @@ def world_transforms(header: Header) -> dict[int, Float64]:
 
 
 def _local_transform(node: Header, index: int) -> Float64 | None:
-    """Return the transform (4, 4) from a node to its parent: its matrix, or T · R · S; None if it has neither."""
+    """Return the transform (4, 4) from a node to its parent, from its matrix or its T · R · S; None if it has none."""
     if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
         return None
 
@@ -277,7 +277,7 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
 
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
-    """Return the transforms (rows, 4, 4), made equal for vertices at one position that differ only by rounding.
+    """Return `transforms` (rows, 4, 4), made equal at vertices of one position if they differ only by rounding.
 
     Exporters round the weights of each vertex separately. Seams of texture or normals would otherwise open.
     """

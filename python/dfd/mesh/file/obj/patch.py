@@ -21,10 +21,10 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", "
 
 
 def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
-    """Return the content, by file name, of the moved OBJ file `target` and of the material files next to it.
+    """Return the contents of the OBJ file `target`, with moved vertices, and of its material files, by file name.
 
-    Unmoved `vertices` (V, 3) keep their text. `normals` (R, 3) are those of all vertices of the primitives; NaN means
-    that the file has none. Materials are copied only if `target` is in another folder than the source file.
+    `vertices` (V, 3) that have not moved keep their text. `normals` (R, 3) belong to the vertices of the primitives;
+    NaN stands for a missing normal. Materials are copied only if `target` is in another folder than the source file.
     """
     assert source.corner_rows is not None
     text = parse(source.data.tobytes())
@@ -41,8 +41,8 @@ def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64
 def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
     """Copy the materials that an OBJ file uses, and their textures, from the folder `source` to `companions`.
 
-    Only textures that are valid images are copied. Return the name of the new MTL file, or None if the OBJ file uses no
-    material, and the names of all MTL files that could be read.
+    Only textures that are valid images are copied. Return the name of the new MTL file, which is None if the OBJ file
+    uses no material. Also return the names of all MTL files that could be read.
     """
     assets = AssetFolder(source / "materials")
     materials, read = used_materials(text, assets)
@@ -70,7 +70,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions)
 
 
 def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
-    """In `mtllib` lines, replace the MTL files `read` by the MTL file `name`; None removes them."""
+    """In `mtllib` lines, replace all MTL files in `read` by the single MTL file `name`. If it is None, remove them."""
     ends = np.flatnonzero(np.frombuffer(text.data + b"\n", np.uint8) == ord("\n"))
     for line, keyword, rest in text.statements:
         named = [rest] if rest in read else rest.split()
@@ -83,7 +83,7 @@ def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[s
 
 
 def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Float64) -> None:
-    """Rewrite the normals, and add `vn` lines if face corners can no longer share one."""
+    """Rewrite the normals, and add `vn` lines if face corners can no longer share a line."""
     corners = np.flatnonzero((text.corners[:, 2] >= 0) & (corner_rows >= 0))
     corners = corners[~np.isnan(normals[corner_rows[corners]]).any(axis=1)]
     if not len(corners):

@@ -55,7 +55,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
 
 
 def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
-    """Return a geometry. `rows` (N, 3) are indices of position, UV and normal; `faces` (F, 3) are indices of rows."""
+    """Return a geometry. `rows` (N, 3) are indices of position, UV and normal; `faces` (F, 3) index the rows."""
     normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
     textured = bool((rows[:, 1] >= 0).any())
     return Geometry(
@@ -72,7 +72,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts, and the index (P,) of each face's part."""
     none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
     several = [(names, part) for names, part in found if (part != part[:1]).any()]
-    named = [(names, part) for names, part in found if part.any()]  # for all faces
+    named = [(names, part) for names, part in found if part.any()]  # all faces have one name
     return [*several, *named, none][0]
 
 
@@ -94,7 +94,7 @@ def face_groups(data: bytes) -> dict[str, Int64]:
     are in no group of this keyword. Groups without faces are left out.
     """
     text = parse(data)
-    kept = np.repeat(text.sizes >= 3, text.sizes)  # `read` skips faces of fewer corners
+    kept = np.repeat(text.sizes >= 3, text.sizes)  # `read` skips faces of one or two corners
     vertices = text.corners[kept, 0]
     found: dict[str, Int64] = {}
     for keyword in _GROUP_KEYWORDS:
@@ -123,7 +123,7 @@ def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[s
     found: dict[str, list[str]] = {}
     read, names = set(), list[str]()
     for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
-        # A line names one MTL file, whose name may contain spaces, or several files.
+        # A line names one MTL file, whose name may contain spaces, or several files separated by spaces.
         names += [line] if " " not in line or _library(line, assets) is not None else line.split()
     for library in dict.fromkeys(names):
         content = _library(library, assets)

@@ -37,17 +37,17 @@ class ObjText:
     """The content of an OBJ file. Indices and line numbers count from 0."""
 
     data: bytes  # the text of the file, with continued lines joined
-    positions: Float64  # (N, 3) of the `v` lines
+    positions: Float64  # (N, 3) from the `v` lines
     position_spans: Int64  # (N, 2) bytes of `data` at which the coordinates of each position begin and end
-    colors: Float64 | None  # (N, 3) of the `v` lines; None unless all have colors
-    uv: Float64  # (T, 2) of the `vt` lines
-    normals: Float64  # (M, 3) of the `vn` lines
+    colors: Float64 | None  # (N, 3) from the `v` lines; None unless all `v` lines have colors
+    uv: Float64  # (T, 2) from the `vt` lines
+    normals: Float64  # (M, 3) from the `vn` lines
     normal_spans: Int64  # (M, 2) bytes of `data` at which the coordinates of each normal begin and end
     corners: Int64  # (C, 3) indices of the position, UV and normal of each face corner; −1 for none
     corner_spans: Int64  # (C, 2) bytes of `data` at which each face corner begins and ends
     sizes: Int64  # (P,) number of corners of each face
     face_lines: Int64  # (P,) line number of each face
-    statements: tuple[tuple[int, str, str], ...]  # line number, keyword and further words of `o`, `g`, … lines
+    statements: tuple[tuple[int, str, str], ...]  # line number, keyword and other words of `_STATEMENTS` lines
 
 
 def decoded(data: bytes) -> str:
@@ -166,7 +166,7 @@ def _spans(tokens: Tokens, first: Int64) -> Int64:
 
 
 def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
-    """Return the colors (N, 3) that follow the coordinates, in [0, 1]; None unless all lines have colors."""
+    """Return the colors (N, 3), in [0, 1], that follow the coordinates; None unless all `v` lines have colors."""
     if not len(counts) or counts.min() < 6:
         return None
     colors: Float64 = values[first[:, None] + np.arange(3, 6)]
@@ -176,7 +176,7 @@ def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     """Return the indices (C, 3) of the position, UV and normal of each face corner, from 0; −1 for none.
 
-    `counted` holds the line numbers of positions, UVs and normals, since a negative number counts back from its line.
+    `counted` holds the line numbers of positions, UVs and normals, because negative indices count back from their line.
     """
     places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
     slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)

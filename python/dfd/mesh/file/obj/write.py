@@ -31,7 +31,7 @@ def encode_groups(
 ) -> bytes:
     """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` holds texture coordinates (R, 2), with v pointing up, and for each face corner an index of them, (F, 3).
+    `uv` holds texture coordinates (R, 2), with v pointing up, and the index of each face corner into them, (F, 3).
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -67,7 +67,7 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
             columns[2] = local + normal_count
             normal_count += len(each.normals)
         used = library.add(each.geometry.material)
-        if used is None and several:  # a primitive without a material would inherit the previous one
+        if used is None and several:  # a primitive without a material would inherit the previous material
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
@@ -81,8 +81,8 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
 class Companions:
     """The files that are written next to an OBJ file; unrelated files are never overwritten.
 
-    An existing file is overwritten only if its name begins with the stem of `target`, the OBJ file, and an older file
-    at `target`, or the MTL file of this older file, references it.
+    An existing file with other content is overwritten under two conditions: its name begins with the stem of the OBJ
+    file `target`, and an older OBJ file at `target` uses it as its MTL file or as a texture of its MTL file.
     """
 
     def __init__(self, target: Path) -> None:
@@ -115,7 +115,7 @@ class Companions:
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return the names, beginning with the stem of `target`, of files that an existing OBJ file `target` references."""
+    """Return the names of files that an old OBJ file `target` references and that begin with the stem of `target`."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:
@@ -147,7 +147,7 @@ class _MaterialLibrary:
             name = self._unused(one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
-            if material.texture is not None:  # the stem keeps textures of different OBJ files apart
+            if material.texture is not None:  # the stem distinguishes textures of different OBJ files
                 picture = self._companions.add(f"{self._stem}_{name}.png", as_png(material.texture))
                 lines.append(f"map_Kd {picture}")
             self.text += "\n".join([*lines, "", ""])
@@ -165,7 +165,7 @@ class _MaterialLibrary:
 
 
 def _vertex_colors(scene: SceneFile) -> Float64 | None:
-    """Return one RGB color for each vertex, (V, 3), even on seams; None without colors."""
+    """Return one RGB color for each vertex, (V, 3), also on seams; None if the scene has no colors."""
     appearance = scene.appearance
     if appearance is None or appearance.colors is None:
         return None

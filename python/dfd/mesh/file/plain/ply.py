@@ -1,7 +1,7 @@
 """Read and write PLY files, text and binary.
 
-The format: Turk, "The PLY Polygon File Format", 1994. Colors, texture coordinates and textures have the form in which
-later programs write them.
+The format: Turk, "The PLY Polygon File Format", 1994. Colors, texture coordinates and textures follow conventions of
+later programs.
 """
 
 import re
@@ -38,10 +38,10 @@ class _Property:
 
     name: str
     dtype: np.dtype[Any]  # type of the values, according to the header
-    type_span: tuple[int, int]  # bytes of the header at which this type begins and ends; not for lists
+    type_span: tuple[int, int]  # bytes of the header at which this type begins and ends; unused for lists
     stored: np.dtype[Any]  # type of the values in the parsed data
     counts: np.dtype[Any] | None  # type of the length of a list in the parsed data; None if the property is no list
-    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # of all rows
+    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # values of all rows
     sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values of each row
     places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte of each row's values
 
@@ -131,7 +131,7 @@ def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # no zero area
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # others have no area
     return triangles[distinct]
 
 
@@ -208,7 +208,7 @@ def _cut_off(name: str, count: int) -> ValueError:
 
 
 def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[_Property]) -> int:
-    """Read `count` rows of an element from byte `start`, and return their end."""
+    """Read `count` rows of an element, from byte `start`, into `properties`. Return the first byte after the rows."""
 
     def row_at(offset: int) -> tuple[list[int], list[int], int]:
         """Return the number of values and the first byte of each property in the row at `offset`, and the row's end."""
@@ -235,7 +235,7 @@ def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[
             return True
         return bool((np.ndarray(count, each.counts, data, place - each.counts.itemsize, stride) == length).all())
 
-    if start + count * stride <= len(data) and all(map(repeats, properties, lengths, places)):  # equal rows
+    if start + count * stride <= len(data) and all(map(repeats, properties, lengths, places)):  # equal row sizes
         for each, length, place in zip(properties, lengths, places, strict=True):
             strides = (stride, each.stored.itemsize)
             each.values = np.ndarray((count, length), each.stored, data, place, strides).ravel()
@@ -318,7 +318,7 @@ def encode(geometry: Geometry) -> bytes:
 
 
 def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (N, K) by name, {} for None; the type "u1" scales colors in [0, 1] to bytes."""
+    """Return the columns of an array (N, K) by name, or {} for None. The type "u1" converts [0, 1] to bytes."""
     if values is None:
         return {}
     stored = np.rint(values * 255) if dtype == "u1" else values
