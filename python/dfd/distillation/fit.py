@@ -47,7 +47,7 @@ def fit(
     """Fit a field to `targets` with Adam, and return the field; its settings hold the loss of every step.
 
     The loss is the mean of ‖Φ(P) − Z‖² over a batch with points P and targets Z. One generator on the CPU draws initial
-    parameters and batches. So features for a seed depend on the device only by rounding, which changes them by 1e-3.
+    parameters and batches. So fields of one seed on two devices differ only by rounding errors of about 1e-3.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 PATCHES = 16  # number of the encoder's patches along a picture's side
-SHOWN = 0.3  # tokens are used if the shape covers more than this share of their patch's pixels
+SHOWN = 0.3  # a token is used if the shape covers more than this share of the pixels of its patch
 
 
 def _square(first: float, height: float) -> Float64:
@@ -62,7 +62,7 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Return the tokens of K·E pictures: one from each direction of `eyes` (E, 3) in each of `frames` (K, 3, 3).
+        """Return the tokens of K·E pictures: for each of `frames` (K, 3, 3), one from each direction `eyes` (E, 3).
 
         Raises ValueError if no camera ray hits the mesh.
         """
