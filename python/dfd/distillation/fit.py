@@ -47,7 +47,7 @@ def fit(
     """Fit a field to `targets` with Adam, and return the field; its settings hold the loss of every step.
 
     The loss is the mean of ‖Φ(P) − Z‖² over a batch with points P and targets Z. One generator on the CPU draws initial
-    parameters and batches. So fields of one seed on two devices differ only by rounding errors of about 1e-3.
+    parameters and batches. So a seed gives about the same field on all devices; features differ by about 1e-3.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _gradients(
 ) -> tuple[Tensor, list[Tensor]]:
     """Return the loss of one batch, and its gradients with respect to the parameters of `network`.
 
-    The batch has `points` (B, 3) and their targets `wanted` (B, d). If `bfloat16` is True, matrix products use it.
+    The batch is `points` (B, 3) and their targets `wanted` (B, d). `bfloat16` is whether matrix products use bfloat16.
 
     On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
     threads would synchronize many times per step, which is up to twenty times slower on a busy machine.

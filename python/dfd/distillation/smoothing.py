@@ -1,7 +1,7 @@
 """Smooth features along the surface, to average the differences between pictures.
 
 A token is the feature that the encoder gives to one patch of a picture. At outlines and gaps, a patch shows more than
-one part. Tokens of the same surface point differ between pictures, and no camera sees some of the surface. So tokens
+one part. Tokens of the same surface point differ between pictures, and some of the surface is in no picture. So tokens
 are averaged at surface samples, and diffused *along* the surface. The results are the targets Z that minimize
 
     Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2.
@@ -52,12 +52,12 @@ NEIGHBORS = 10  # number of nearest samples on the same connected component to w
 GAP_WEIGHT = 0.008
 GAP_NEIGHBORS = 4  # number of nearest samples that are candidates for a link between components or a mirror link
 MIRROR_WEIGHT = 0.02  # weight of mirror links, divided by the median weight of links along the surface
-MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, in halves of the box's longest side
-SIMILARITY_SCALE = 0.8  # feature distance, divided by the mean one, at which the weight of a mirror link falls to 1/e
+MIRROR_REACH = 0.06  # longest distance of a mirror image from a linked sample, divided by half of the longest box side
+SIMILARITY_SCALE = 0.8  # a mirror link's weight falls to 1/e at this feature distance, divided by the mean distance
 DIRECTIONS = 128  # number of principal directions that are smoothed
 SIMILARITY_DIRECTIONS = 32  # number of principal directions that decide similarity; more do not change results
 COLUMNS_PER_SOLVE = 32  # number of directions for which a thread solves the system at a time
-SATURATED_COVERAGE = 0.3  # pixels of a sample, divided by the mean of all samples, above which visibility is constant
+SATURATED_COVERAGE = 0.3  # visibility is constant above this number of pixels of a sample, divided by the mean number
 DISTANCE_KEPT = 0.75  # mean distance of smooth features, divided by that of the pixels' tokens
 
 

@@ -27,7 +27,7 @@ from dfd.views.render import Views
 RAYS = 6  # number of rays from a point to each side of the surface
 CONE = np.radians(60)  # half the opening angle of the cone of rays, in radians
 NEIGHBORS = 16  # number of nearest points, including the point itself, over which bands are averaged
-BANDS = 22  # number of bands; their centers are 1/80 … 1.6 times the RMS distance of the points from their mean
+BANDS = 22  # number of bands; centers go from 1/80 to 1.6 times the RMS distance of the points from their mean
 _CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)  # natural logarithms of the centers
 _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays miss the point's own face
 

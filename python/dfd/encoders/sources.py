@@ -76,7 +76,7 @@ def _hub_name(name: str) -> str | None:
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the model's folder in the hub's cache, whose name is the revision; None if the folder lacks a file."""
+    """Return the folder of the model `hub` in the hub's cache, named after the revision; None if it lacks a file."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:

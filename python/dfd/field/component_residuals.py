@@ -2,7 +2,7 @@
 
 A field's network depends on position alone, so a helmet and the head inside it get nearly the same features. If a shape
 has several components, its field also stores residuals at surface samples. A residual is the target feature of the fit
-minus the network's feature. At a vertex, residuals of the vertex's component are interpolated and added to the feature.
+minus the network's feature. At a vertex, the residuals of its component are interpolated, and added to the feature.
 """
 
 from __future__ import annotations

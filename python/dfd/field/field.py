@@ -139,8 +139,8 @@ class Field:
         -------
         (N, D) float32 rows of unit length: a differentiable tensor if `points` is a tensor, otherwise an array.
 
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or is too
-        far from the center of the box: a million times half of the box's longest side along an axis.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or along an
+        axis farther from the box's center than a million times half of the box's longest side.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)

@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Return `points` after `times` moves towards the surface, each by at most `step`; x = 0 is kept at 0."""
+        """Return `points` after `times` moves to the surface, each by at most `step`. Points on x = 0 stay on x = 0."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
@@ -92,7 +92,7 @@ def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
 
 
 def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
-    """Return the approximate distance function of a box with half sides `half` and edges rounded by `radius`.
+    """Return the approximate distance function of a box with the sides 2 · `half`, and edges rounded by `radius`.
 
     The box is bent (z increases by `bend` · x²), and then rotated about x by `pitch` radians (positive: front down).
     """

@@ -18,9 +18,9 @@ from dfd.mesh.normals import face_normals
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
 _QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # normalized distance within a pair is larger: nearby samples always have similar features
+_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearby samples have similar features
 _BINS = 24  # number of distance intervals for which the mean change of features is computed
-STAYS = 0.1  # a sample counts as moved if its image is at more than this normalized distance from it
+STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
 _MOVED = 0.3  # smallest share of samples that a symmetry must move
 _NO_SPREAD = 1e-4  # if the mean feature distance is smaller, the field does not distinguish symmetries
 _TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
@@ -88,7 +88,7 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
-    """Return the arrays `change` and `farthest` of `SurfaceFeatures` for samples `points` (N, 3) with `features`."""
+    """Return `change` and `farthest` of `SurfaceFeatures` for the samples `points` (N, 3) with `features` (N, D)."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
     # Random pairs are seldom near each other, so neighbors along a random direction are added.
@@ -105,7 +105,7 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
 
 
 def _similar_pairs(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2) of samples: every k-th sample with each of the distant samples most similar in features."""
+    """Return pairs (P, 2): every k-th sample is paired with the distant samples that have the most similar features."""
     queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
     dissimilarity = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)

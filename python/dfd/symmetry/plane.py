@@ -14,7 +14,7 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
-if TYPE_CHECKING:  # this module imports SciPy, which the help of the command line does not need
+if TYPE_CHECKING:  # `dfd.mesh.mesh` imports SciPy, which the help of the command line does not need
     from dfd.mesh.mesh import Mesh
 
 # Half of the width of the band in which the deformations of both sides are blended, as a fraction of the bounding box's

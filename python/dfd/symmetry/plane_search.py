@@ -37,7 +37,7 @@ def mirrored(points: Float64, plane: Float64) -> Float64:
 
 
 def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET) -> bool:
-    """Return whether the angle between two planes is below `angle` (radians), and their offset below `offset`."""
+    """Return whether two planes have an angle below `angle` (radians) and offsets that differ by less than `offset`."""
     along = float(a[:3] @ b[:3])
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
 
@@ -64,7 +64,7 @@ def _between(points: Float64, pairs: Int64) -> Planes:
 
 
 def _principal(points: Float64) -> Planes:
-    """Return three planes through the origin, perpendicular to axes, and three principal planes through the mean."""
+    """Return three planes through the origin, perpendicular to the axes, and three principal planes at the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])

@@ -140,7 +140,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """Return the frame (3, 3) with up `up`, whose right is as near to `right` as possible. Arguments are unit (3,)."""
+    """Return the frame with the up vector `up` and the right vector nearest to `right`; arguments are unit, (3,)."""
     perpendicular = right - (right @ up) * up
     if np.linalg.norm(perpendicular) < LEAST_PERPENDICULAR:
         perpendicular = np.cross(up, np.eye(3)[np.abs(up).argmin()])

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CLEAR = 0.9  # if no axis has at least this probability, the field is distilled for the two most probable axes
 # If an axis has at least this probability after the pictures with +y as up, the search ends, because more pictures
-# hardly ever change the result. This probability ignores `prior`.
+# hardly ever change the result. This probability does not include `prior`.
 EARLY_STOP_CONFIDENCE = 0.95
 SURE = 0.97  # if an axis has at least this probability after the pictures `SIDES` for all axes, `CORNERS` are left out
 SAME = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are one candidate
@@ -39,7 +39,7 @@ def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
     """Return the up direction of `mesh`, found from the encoder's tokens of pictures and from cues of the surface.
 
-    The upright axis is chosen first, and then its upper end. If no axis is probable enough, the result has two axes.
+    The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has the best two.
 
     `probe` must be learned from tokens of `encoder`. None takes the package's probe. If it has none, the result is +y.
 
@@ -81,7 +81,7 @@ def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras,
 
 
 def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Return the up direction of a shape not aligned with the file's axes; the first row of `frame` is a mirror normal.
+    """Return the up direction of a shape not aligned with the file's axes; `frame[0]` is normal to a mirror plane.
 
     Pictures around all axes of the file give a first estimate. Then pictures around the most probable candidates are
     added. The axes of the file remain candidates, because the mirror normal may be wrong.
@@ -115,7 +115,7 @@ def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
 
 
 def prior(probe: UpProbe, frame: Float64) -> float:
-    """Return the log-odds of `frame` without pictures; they differ because most files have a conventional up axis."""
+    """Return the log-odds of `frame` before pictures are seen, because most files have a conventional up direction."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     if np.allclose(frame[1], AXES["-y"]):

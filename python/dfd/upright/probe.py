@@ -58,7 +58,7 @@ FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 class UpProbe:
     """The learned probe for tokens of width D."""
 
-    mean: Float32  # (D,) subtracted from a picture's mean token
+    mean: Float32  # (D,) vector that is subtracted from a picture's mean token
     form: Float32  # (5, D) the map of tokens to coefficients of `FORMS`
     vector: Float32  # (3, D) the map of tokens to coefficients of `VECTORS`
     # (3, 9) log-odds per unit of each of `TERMS`. The rows are for pictures around +y alone, for pictures around all

@@ -34,7 +34,7 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # cameras in the middles of a square's sides, and at its corners
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # directions of the middles of a square's sides, and of its corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class ViewTokens:
 
 
 class ProbeCameras:
-    """Render small pictures of a mesh and encode them. Everything that all pictures share is computed once."""
+    """Render small pictures of a mesh and encode them. Data that all pictures need are computed once."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)

@@ -30,7 +30,7 @@ _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exa
 
 
 class StabilityCues:
-    """Cues of a surface with `vertices` (V, 3), in any unit, and `faces` (F, 3). One face must have an area."""
+    """Cues of a surface with `vertices` (V, 3) in any unit and `faces` (F, 3). At least one face must have an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)

@@ -15,7 +15,7 @@ Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # in degrees, as in the paper and its public code
 PAPER_DISTANCE = 2.8  # distance of cameras from the origin, normalized, as in the paper and its public code
-MARGIN = 1.06  # width of the picture divided by the width of the shape, so that whole patches show the outline
+MARGIN = 1.06  # width of the picture divided by the width of the shape, so that patches at the outline lie inside
 CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the shape's largest extent
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])  # signs of x, y, z
 _CHUNK = 1 << 12  # number of points per matrix product, which then fits the processor's cache

@@ -50,7 +50,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
-        """Return the lit color and opacity (K, 4) of each hit, in [0, 1]; `directions` (N, 3) are of all rays."""
+        """Return the lit color and opacity (K, 4) of each hit, in [0, 1]; `directions` has a row (3,) for each ray."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
