@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 @one_blas_thread()
 def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages) -> Field:
-    """Return a field that is fitted to the features that `encoder` gives for pictures of `mesh`."""
+    """Render pictures of `mesh`, encode them by `encoder`, and return a field that is fitted to the features."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     recorded = {**encoder.settings(), **settings.as_dict(), **_lacking(encoder, settings, metric)}
@@ -39,10 +39,10 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
     recorded |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
-    if smoothing == 0 and up.shared is not None:  # only smoothed features of two up directions have common points
+    if smoothing == 0 and up.shared is not None:  # features of two up directions can be combined only after smoothing
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
-    pictures["views"] = max(settings.views // len(up.frames), 1)  # the up directions share the views
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # the same number of views for each up direction
     views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
@@ -71,7 +71,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Return and log the setting "encoder_lacks", the learned data that `encoder` lacks; {} if it lacks none."""
+    """Log the learned data that `encoder` lacks, and return it as the setting "encoder_lacks"; {} if it lacks none."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it, so distances are those of its features")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # torch takes seconds to import, so it is imported only if no
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-# Parts of the error message for each stage: the data that fill the memory, and the settings that make them smaller.
+# The end of a MemoryError's message, by stage: the data that fill the memory, and the settings that make them smaller.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
@@ -54,14 +54,14 @@ def distill(
     preset
         The source of all settings that are not given: "default", or "paper" for the procedure of the paper.
     views, resolution
-        The number of pictures, and the side of each in pixels.
+        The number of pictures, and the side of a picture in pixels.
     up
         The up direction: an axis such as "+y" or "-z", a direction (3,), "file" for the file's +y, or "auto" to find
         it from pictures.
     smoothing
         Distance over which features are smoothed along the surface, divided by half the longest side of the box.
     steps, epochs
-        Length of the fit, in batches or in passes over all points. Only one of the two can be given.
+        Length of the fit: `steps` counts batches, `epochs` counts passes over all points. Give only one of them.
     seed
         Seed of all random numbers. Equal seeds give equal fields on one machine with the same number of threads.
         On other machines, features differ by about 1e-3.
@@ -70,18 +70,18 @@ def distill(
     progress
         True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
-        Whether to load the field from the user's cache if the cache has it, and otherwise to store the new field there;
-        see `dfd.common.files.cache_directory`.
+        Whether to use the user's cache (see `dfd.common.files.cache_directory`): a field in the cache is loaded, and a
+        new field is stored there.
     settings
-        Any other setting of `DistillSettings`. The device decides the precision of a named encoder, "float32" or
-        "bfloat16" (see `load_encoder`); `field.settings["encoder_precision"]` records it.
+        Any other setting of `DistillSettings`. Unless `encoder` is a loaded encoder, `device` decides its precision,
+        "float32" or "bfloat16" (see `load_encoder`). `field.settings["encoder_precision"]` records it.
 
     Returns
     -------
     Field. `field.settings` holds all settings and the loss of every step. It also holds the encoder's block, and
     whether the encoder encoded background patches. "up_direction" and "up_confidence" describe the up direction.
-    "up_source" is "said" if the caller gave the direction, "file" if it is the file's +y, "found" if it was found from
-    pictures, or "averaged" if the features of two directions are combined.
+    "up_source" is "said" if the caller gave the direction. If `up` is "auto", "up_source" is "file" for the file's +y,
+    "found" for another direction, or "averaged" if the features of two directions are combined.
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
     ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot
@@ -126,7 +126,7 @@ def distill(
 def find_distilled(
     mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, *, device: str | None = None
 ) -> Field | None:
-    """Return the field for these arguments in the user's cache, or None; the encoder is not loaded."""
+    """Return the field for these arguments from the user's cache, or None if there is none; no encoder is loaded."""
     key = _find_key(mesh, encoder, settings, device)
     return field_cache.find(key) if key else None
 

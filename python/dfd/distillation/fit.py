@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 # Smallest batch size for which matrix products use bfloat16. With the paper's preset, bfloat16 halves the time of the
 # fit and increases the loss by 0.1 %.
 LARGE_BATCH = 4096
-_LEAST_POINTS, _MOST_CHUNKS = 192, 8  # least points of a thread's chunk of a batch, and most chunks of a batch
+# On the CPU, threads compute chunks of a batch: at most _MOST_CHUNKS chunks, with at least _SMALLEST_CHUNK points each.
+_SMALLEST_CHUNK, _MOST_CHUNKS = 192, 8
 
 
 def fit(
@@ -43,17 +44,17 @@ def fit(
     device: str | torch.device,
     stages: Stages,
 ) -> Field:
-    """Fit a field to `targets` with Adam, and return it; its settings hold the loss of every step.
+    """Fit a field to `targets` with Adam, and return the field; its settings hold the loss of every step.
 
-    The loss is the mean of ‖Φ(P) − Z‖² over a batch. One generator on the CPU draws initial parameters and batches. So
-    a seed gives the same field on every device, apart from rounding, which changes features by about 1e-3.
+    The loss is the mean of ‖Φ(P) − Z‖² over a batch with points P and targets Z. One generator on the CPU draws initial
+    parameters and batches. So a seed gives about the same field on all devices; features differ by about 1e-3.
 
     Parameters
     ----------
     center, scale
         The normalization of the points: the field evaluates the network at `scale` · (point − `center`).
     device
-        Torch device. On the CPU the fit uses `dfd.get_num_threads()` threads; their number does not change the result.
+        Torch device. On the CPU, the fit uses `dfd.get_num_threads()` threads. This number does not change the result.
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
@@ -83,9 +84,9 @@ def fit(
 def _gradients(
     network: Network, points: Tensor, wanted: Tensor, pool: Executor, *, bfloat16: bool
 ) -> tuple[Tensor, list[Tensor]]:
-    """Return the loss of a batch, (B, 3) points P and (B, d) wanted targets Z, and the gradients of the parameters.
+    """Return the loss of one batch, and its gradients with respect to the parameters of `network`.
 
-    `bfloat16` sets the precision of matrix products; parameters and sums stay in float32.
+    The batch is `points` (B, 3) and their targets `wanted` (B, d). `bfloat16` is whether matrix products use bfloat16.
 
     On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
     threads would synchronize many times per step, which is up to twenty times slower on a busy machine.
@@ -98,7 +99,7 @@ def _gradients(
         loss = (found.float() - chunk[1]).square().sum() / len(points)
         return loss.detach(), *torch.autograd.grad(loss, parameters)
 
-    size = len(points) if points.is_cuda else max(_LEAST_POINTS, -(-len(points) // _MOST_CHUNKS))
+    size = len(points) if points.is_cuda else max(_SMALLEST_CHUNK, -(-len(points) // _MOST_CHUNKS))
     chunks = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
     found = pool.map(differentiate, chunks)
     loss: Tensor
@@ -109,9 +110,9 @@ def _gradients(
 def _batches(
     targets: Targets, settings: DistillSettings, generator: torch.Generator
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
-    """Return the points and targets of every step, and the number of steps.
+    """Return an iterator over the batches (points and targets), one for each step, and the number of steps.
 
-    With the setting `steps`, each batch is random. With `epochs`, each pass shuffles the points.
+    With the setting `steps`, each batch is drawn at random. With `epochs`, each pass over all points shuffles them.
     """
     batch = settings.batch
     if settings.steps is not None:
@@ -128,7 +129,7 @@ def _batches(
 
 
 class Adam:
-    """The optimizer Adam, by torch's fused function; torch's own class imports a compiler, which takes two seconds."""
+    """The optimizer Adam, a wrapper of torch's fused function. torch's class takes two seconds to import a compiler."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -144,7 +145,7 @@ class Adam:
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
-    """Yield the learning rate and momentum (β₁) of every step: constant, or one cycle.
+    """Yield the learning rate and momentum (β₁) of every step, which are constant or follow one cycle.
 
     The cycle follows Smith and Topin, "Super-convergence" (2019), with the defaults of
     `torch.optim.lr_scheduler.OneCycleLR`.
@@ -183,9 +184,9 @@ SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field`, which was fitted to `targets`, with residuals for each connected component of the surface.
+    """Return `field` with residuals for each connected component of the surface; `field` was fitted to `targets`.
 
-    `targets` have the dimension of `field`. If the surface has one component, `field` is returned unchanged.
+    If the surface has one component, `field` is returned unchanged.
     """
     component, boxes = targets.component, targets.boxes
     if component is None or boxes is None:
@@ -200,7 +201,7 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 def widen(field: Field, directions: Float32) -> Field:
     """Return a field whose features are the features of `field` (dimension d) multiplied by `directions` (d, D).
 
-    The rows of `directions` are orthonormal, so lengths stay the same. The product is folded into the last layer.
+    The rows of `directions` are orthonormal, so features keep their length. Only the last layer changes.
     """
     last = list(field.parameters)[-2:]  # weight and bias of the last linear map
     turned: dict[str, Any] = {name: directions.T @ field.parameters[name] for name in last}

@@ -3,9 +3,9 @@
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
 not show thickness, which also distinguishes parts (`dfd.distillation.thickness`). So a linear map projects features and
 thickness to Fisher's discriminant directions, learned from labelled shapes (`python -m bench.training.learn_metric`).
-Each direction is weighted by the variance between parts divided by the variance within parts. The probabilities of
-kinds of parts, such as leg or head, are appended. The results have unit length and about the same mean distance as the
-features, so 1 − distance is still a useful weight.
+Each direction is weighted by the variance between parts divided by the variance within parts. A classifier appends the
+probabilities of kinds of parts, such as leg or head. Mapped features have unit length and about the same mean distance
+as the encoder's features, so 1 − distance is still a useful weight.
 
 The map is applied before the fit, so the field's features are mapped features.
 """
@@ -43,12 +43,12 @@ FOLDER = Path(__file__).with_name("metrics")
 # details with many vertices. With a factor of 1, a handle would therefore move more vertices than without the metric.
 FARTHER = 1.06
 KINDS_SHARE = 0.2  # weight of squared distances between kinds of parts, relative to those between mapped features
-_LEAST_STRETCH = 0.02  # least factor by which rows are scaled about their mean; some mapped rows must be contracted
+_LEAST_STRETCH = 0.02  # smallest factor by which mapped rows are scaled about their mean; factors below 1 contract
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """A learned map to rows of d numbers: a linear map of an encoder's features plus one of thickness bands."""
+    """A learned map to rows of d numbers: the sum of a linear map of features and a linear map of thickness bands."""
 
     directions: Float32  # (D, d) the map of features
     thickness_directions: Float32  # (BANDS, d) the map of `dfd.distillation.thickness.thickness_bands`
@@ -64,10 +64,10 @@ class Metric:
         *,
         mean: Float32 | None = None,
     ) -> Float32:
-        """Return mapped `features` (N, D), rows of unit length: (N, d), or (N, d + K) with K kinds of parts.
+        """Return the mapped `features` (N, D), rows of unit length: (N, d), or (N, d + K) with K kinds of parts.
 
         `thickness` (N, BANDS) holds the thickness bands of the same points. The mean distance of mapped features is
-        `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None takes that of `features`.
+        `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None averages `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
@@ -107,8 +107,8 @@ class Metric:
     def load(cls, path: str | os.PathLike[str]) -> Metric:
         """Return the metric in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated, has another format, or has arrays of wrong shape or not finite.
-        Raises OSError if the file cannot be read.
+        Raises ValueError if the file is truncated or has another format, or if an array has a wrong shape or a number
+        that is not finite. Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
         directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
@@ -133,7 +133,7 @@ class Kinds:
     def root_probabilities(self, features: Float32, mean: Float32) -> Float32:
         """Return the square roots of the probabilities of the kinds, (N, K) rows of unit length.
 
-        `features` (N, D) are classified by their difference from the shape's `mean` (D,).
+        `features` (N, D) are classified by their difference from the shape's mean feature `mean` (D,).
         """
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias

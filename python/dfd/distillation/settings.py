@@ -25,7 +25,7 @@ def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: floa
 
 
 class DistillSettings(BaseModel):
-    """The settings of `dfd.distill`, checked and immutable; the preset gives all settings that are not given.
+    """The settings of `dfd.distill`, checked and immutable. The preset provides all settings that are not given.
 
     Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs` are
     given. Raises TypeError if a setting is unknown.
@@ -35,7 +35,7 @@ class DistillSettings(BaseModel):
 
     preset: Preset = _setting(
         "default",
-        "Source of all settings that are not given: default, the values that measured best; or paper, the paper's.",
+        "Source of all settings that are not given: default, values that measured best; or paper, values of the paper.",
         paper="paper",
     )
     views: int = _setting(24, "Number of pictures around the shape.", minimum=1, maximum=LARGEST_VIEWS)
@@ -67,13 +67,11 @@ class DistillSettings(BaseModel):
     )
     mirrored: bool = _setting(
         True,
-        "Place cameras in groups of four that are mirror images in the upright middle planes of the shape, which "
+        "Place cameras in groups of four that are mirror images in the two upright middle planes of the shape. This "
         "cancels the encoder's bias between left and right.",
         paper=False,
     )
-    background: bool = _setting(
-        False, "Give the encoder whole pictures, not only the patches that show the shape.", paper=True
-    )
+    background: bool = _setting(False, "Encode whole pictures, not only the patches that show the shape.", paper=True)
     block: int | None = _setting(
         None, "Number, from 1, of the encoder's block whose output is used; none takes the default block.", minimum=1
     )
@@ -87,9 +85,9 @@ class DistillSettings(BaseModel):
     )
     metric: Literal["learned", "none"] = _setting(
         "learned",
-        "learned: map features so that distances separate parts better, if a map was learned for the encoder's weights "
-        "and block (otherwise `encoder_lacks` in `field.settings` is set); none: use the encoder's features, as in the "
-        "paper. Always none without smoothing.",
+        "learned: map features so that distances separate parts better; none: use the encoder's features, as in the "
+        "paper. If no map was learned for the encoder's weights and block, features are not mapped, and "
+        "`field.settings` contains `encoder_lacks`. Always none without smoothing.",
         paper="none",
     )
     pieces: bool = _setting(
@@ -100,7 +98,7 @@ class DistillSettings(BaseModel):
     )
     octaves: int = _setting(
         5,
-        "Octaves of the positional encoding, a further input of the network; 0 in the paper.",
+        "Octaves of the positional encoding: further inputs of the network, sines and cosines; 0 in the paper.",
         paper=0,
         minimum=0,
         maximum=MOST_OCTAVES,
@@ -136,7 +134,7 @@ class DistillSettings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Add the preset's values; a given length of the fit replaces the preset's `steps` or `epochs`."""
+        """Add the preset's values. If `steps` or `epochs` is given, the preset's values of both are left out."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
         defaults = {}
         if preset == "paper":
@@ -171,7 +169,7 @@ class DistillSettings(BaseModel):
             raise ValueError(f"distill: exactly one of `steps` and `epochs` must be given, got {found}")
         if self.supervision == "vertex":  # the ablation uses the paper's loss, without smoothing
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # both need smoothed features
+        if self.smoothing == 0:  # `metric` and `pieces` need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self

@@ -1,23 +1,24 @@
 """Smooth features along the surface, to average the differences between pictures.
 
 A token is the feature that the encoder gives to one patch of a picture. At outlines and gaps, a patch shows more than
-one part. Tokens of the same surface differ between pictures, and no camera sees some of the surface. So tokens are
-averaged at surface samples and diffused *along* the surface: the targets Z minimize
+one part. Tokens of the same surface point differ between pictures, and some of the surface is in no picture. So tokens
+are averaged at surface samples, and diffused *along* the surface. The results are the targets Z that minimize
 
-    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2,
+    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2.
 
-a screened diffusion. Ẑ_i is the mean token of the pixels near sample i. The visibility c_i grows with the number of
-these pixels. Unlike a blur in space, diffusion does not mix legs that are close together.
+Ẑ_i is the mean token of the pixels near sample i. The visibility c_i grows with the number of these pixels. Unlike a
+blur in space, diffusion does not mix legs that are close together.
 
 Diffusion reduces the distances between features, so handle weights would be large everywhere. So smooth features are
-scaled about their mean until their mean distance is three quarters of that of the pixels' tokens. The other quarter is
-due to differences between pictures, not between parts.
+scaled about their mean until the mean distance of two features is three quarters of the mean distance of two tokens.
+The other quarter is due to differences between pictures, not between parts.
 
-An encoder can give different features to a left part and a right part. So weak links, weighted by similarity, connect
-each sample with the samples near its mirror image. The mirror plane is the best of the three middle planes of the box.
+An encoder can give different features to a left part and a right part. So weak links (further terms w ‖Z_i − Z_j‖²)
+connect each sample i with samples j near its mirror image. The weight w of a link is higher for similar samples. The
+mirror plane is the best of the box's three middle planes.
 
-Smooth features are low-rank. So only their principal directions are smoothed and fitted. The field's last layer maps
-them back to features of full dimension.
+Smooth features vary mainly along a few directions. So only these principal directions are smoothed and fitted. The
+field's last layer maps the fitted values back to features of full dimension.
 """
 
 from __future__ import annotations
@@ -47,22 +48,22 @@ SURFACE_SAMPLES = 12_000  # number of surface samples; their mean spacing is abo
 MAX_PIXELS = 400_000  # largest number of pixels that are averaged; more pixels do not change results measurably
 NEIGHBORS = 10  # number of nearest samples on the same connected component to which a sample is linked
 # Weight of links between components, relative to links within a component. These links give features to components
-# that no camera sees. A higher weight gives armor the features of the body inside it.
+# that no camera sees. A higher weight would give armor the features of the body inside it.
 GAP_WEIGHT = 0.008
 GAP_NEIGHBORS = 4  # number of nearest samples that are candidates for a link between components or a mirror link
 MIRROR_WEIGHT = 0.02  # weight of mirror links, divided by the median weight of links along the surface
-MIRROR_REACH = 0.06  # longest distance from a mirror image to a linked sample, in halves of the box's longest side
-SIMILARITY_SCALE = 0.8  # feature distance, divided by the mean, at which the weight of a mirror link falls to 1/e
+MIRROR_REACH = 0.06  # longest distance of a mirror image from a linked sample, divided by half of the longest box side
+SIMILARITY_SCALE = 0.8  # a mirror link's weight falls to 1/e at this feature distance, divided by the mean distance
 DIRECTIONS = 128  # number of principal directions that are smoothed
 SIMILARITY_DIRECTIONS = 32  # number of principal directions that decide similarity; more do not change results
-COLUMNS_PER_SOLVE = 32  # directions for which a thread solves the system at a time
-SATURATED_COVERAGE = 0.3  # pixels of a sample, divided by the mean over samples, above which visibility is constant
+COLUMNS_PER_SOLVE = 32  # number of directions for which a thread solves the system at a time
+SATURATED_COVERAGE = 0.3  # visibility is constant above this number of pixels of a sample, divided by the mean number
 DISTANCE_KEPT = 0.75  # mean distance of smooth features, divided by that of the pixels' tokens
 
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """The data of the diffusion over N surface samples that do not depend on the tokens."""
+    """All data of the diffusion over N surface samples, except the tokens."""
 
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
@@ -79,7 +80,7 @@ class DiffusionProblem:
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
-    """Return the data of the diffusion that do not depend on the tokens.
+    """Return all data of the diffusion except the tokens.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
         chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))
-    # Finds for each pixel the nearest sample on the same connected component.
+    # Find for each pixel the nearest sample on the same connected component.
     tree = cKDTree(apart(points, component[face]))
     nearest = tree.query(apart(views.points[chosen], component[views.face[chosen]]), workers=-1)[1]
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
@@ -145,8 +146,8 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
     """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_i<j w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are at most `SATURATED_COVERAGE` · area, not area, so t is
-    multiplied by `SATURATED_COVERAGE`.
+    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are areas multiplied by at most `SATURATED_COVERAGE`, so t
+    is also multiplied by `SATURATED_COVERAGE`.
     """
     from scipy.sparse.linalg import splu
 
@@ -231,9 +232,9 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return links from each of the samples `ends` to its nearest samples in `others`, except itself.
+    """Return links from each of the samples `ends` to the nearest samples in `others`, except itself.
 
-    `linked` decides which links are kept. The result holds both ends and the weight, `weight` / `neighbors`, of each.
+    `linked` decides which links are kept. The result is three arrays: first ends, second ends, and weights of links.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

@@ -20,13 +20,13 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only the fit needs it
 
 PAIRS = 2000  # number of random pairs of features from which a mean distance is estimated
 LARGEST_STRETCH = 5.0  # largest factor by which features are scaled about their mean, so that noise stays small
-_GROUPS_AT_ONCE = 1000  # means that one task of `parallel_ranges` computes
-_ROWS_AT_ONCE = 2048  # tokens that one task of `parallel_ranges` normalizes
+_GROUPS_AT_ONCE = 1000  # number of mean tokens that one task of `parallel_ranges` computes
+_ROWS_AT_ONCE = 2048  # number of tokens that one task of `parallel_ranges` scales to unit length
 _ROWS_IN_CACHE = 512  # number of rows that fit into a core's cache
 
 
 class Targets:
-    """Normalized points (N, 3) and their target features, rows of unit length with `dimension` numbers."""
+    """Normalized points (N, 3), and a target feature of unit length with `dimension` numbers for each point."""
 
     points: Float32
 
@@ -63,7 +63,7 @@ class PointTargets(Targets):
     # `component` and `boxes` are None if the surface has one connected component.
     component: Int32 | None = None  # (N,) the component of each point
     boxes: Float64 | None = None  # (P, 6) the lower and upper corners of the components' boxes
-    face: Int64 | None = None  # (N,) the face of the rendered surface with each point, if known
+    face: Int64 | None = None  # (N,) the face of the rendered surface on which each point lies; None if unknown
 
     @property
     def features(self) -> Float32:
@@ -78,7 +78,7 @@ class PointTargets(Targets):
 class TokenGrid:
     """Bilinear interpolation of the `height` × `width` tokens of each picture at the surface points of `views`.
 
-    A token is the encoder's feature of a patch, and lies at its center. Tokens are numbered by picture, row and column.
+    A token is the encoder's feature at the center of a patch. Tokens are numbered by picture, row and column.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -109,7 +109,7 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
-        """Return the last of `count` tokens before each position `pixel`, and the weight of the token after it."""
+        """Return the last of `count` tokens before each position `pixel` (B,), and the weight of the next token."""
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -127,7 +127,7 @@ class PixelTargets(Targets):
         self.points = views.points
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
-        """Return the targets Z / ‖Z‖ (B, D) of the chosen points."""
+        """Return the interpolated tokens (B, D) of the points `chosen` (B,), scaled to unit length."""
         import torch
 
         indices, weights = (torch.from_numpy(each) for each in self.grid.corners(chosen))
@@ -136,7 +136,7 @@ class PixelTargets(Targets):
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
     def means_by(self, weights: sparse.csr_matrix) -> Float32:
-        """Return the product (N, D) of the matrix `weights` (N, tokens) and the tokens, first scaled to unit length."""
+        """Scale the tokens to unit length, and return the product (N, D) of `weights` (N, tokens) and the tokens."""
         table = np.empty(self._table.shape, np.float32)
 
         def normalize(begin: int, end: int) -> None:
@@ -155,9 +155,9 @@ class PixelTargets(Targets):
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
     """Combine the features of several up directions: return targets whose squared distances are a weighted mean.
 
-    `by_up` are the targets of each up direction, and `shares` are the weights of the directions, which sum to 1. All
+    `by_up` are the targets for each up direction, and `shares` are the weights of the directions, which sum to 1. All
     targets have the same points, except for points that diffusion did not reach. The concatenated features are
-    projected to the dimension of the first, because the features of two up directions differ little.
+    projected to principal directions, so that the result has the same dimension as the features of the first targets.
     """
     if len(by_up) == 1:
         return by_up[0]
@@ -170,9 +170,9 @@ def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArra
 
 
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
-    """Return `rows` (N, D) of unit length, scaled about their mean to the mean pairwise distance `distance`.
+    """Return `rows` (N, D), scaled about their mean and then to unit length, so that their mean distance is `distance`.
 
-    The factor lies in [`least`, `LARGEST_STRETCH`]. Random pairs estimate the mean distance.
+    The factor lies in [`least`, `LARGEST_STRETCH`]. The mean distance of random pairs of rows determines the factor.
     """
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)

@@ -1,14 +1,14 @@
-"""Measure the thickness of a shape, its shape diameter, at points of its surface.
+"""Measure the thickness of a shape, also called shape diameter, at points of its surface.
 
 Pictures do not show thickness: a thigh looks much like the belly above it, but is a third as thick. From each point,
-rays are cast into the shape, in a cone about the normal. The lower median of their lengths is the thickness. Rotating
-the shape does not change its thickness, and posing it changes little.
+rays are cast into the shape, in a cone about the normal. The lower median of their lengths is the thickness. A rotation
+of the shape does not change the thickness, and another pose changes it little.
 
 Many files have inverted faces. So rays are cast to both sides of the surface, and the side on which more rays hit is
 the inside. The thickness is 0 if fewer than half of the rays on that side hit, as on a single sheet.
 
-Thickness is encoded in overlapping bands, a third of an octave apart, so that a linear map of the bands can approximate
-any function of thickness. The bands are averaged over neighboring points, so a few rays per point are enough.
+Thickness is encoded by overlapping bands (intervals of thickness), a third of an octave apart. So a linear map of the
+bands can approximate any function of thickness. Bands are averaged over neighboring points, so few rays are needed.
 
 Source: Shapira, Shamir and Cohen-Or, "Consistent mesh partitioning and skeletonisation using the shape diameter
 function", 2008.
@@ -25,15 +25,15 @@ from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
 RAYS = 6  # number of rays from a point to each side of the surface
-CONE = np.radians(60)  # half the opening angle of the cone of rays
-NEIGHBORS = 16  # nearest points, including the point itself, over which bands are averaged
-BANDS = 22  # number of bands; their centers are 1/80 … 1.6 times the RMS distance of the points from their mean
-_CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)
+CONE = np.radians(60)  # half the opening angle of the cone of rays, in radians
+NEIGHBORS = 16  # number of nearest points, including the point itself, over which bands are averaged
+BANDS = 22  # number of bands; centers go from 1/80 to 1.6 times the RMS distance of the points from their mean
+_CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)  # natural logarithms of the centers
 _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays miss the point's own face
 
 
 def thickness_bands(views: Views, targets: PointTargets) -> Float32:
-    """Return how close the thickness at each of `targets` is to each band, (N, BANDS) in [0, 1].
+    """Return how close the thickness at each of `targets` is to the center of each band, (N, BANDS) in [0, 1].
 
     The thickness is divided by the RMS distance of the points from their mean, so the size of the shape has no effect.
     """

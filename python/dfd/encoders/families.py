@@ -1,7 +1,7 @@
 """Run vision networks of the package transformers up to a chosen block, whose output gives the tokens.
 
-Later blocks are removed. The network's own final LayerNorm, or SAM's neck, is applied to the output of the chosen
-block. Class and register tokens are left out, so each patch of an image has one token.
+Later blocks are removed. Except for SAM 2, the output of the chosen block passes through the network's own final
+LayerNorm, or through SAM's neck. Class and register tokens are left out, so each patch of an image has one token.
 """
 
 import math
@@ -53,7 +53,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
                 local_files_only=True,
                 output_loading_info=True,
                 ignore_mismatched_sizes=True,  # `check_fit` raises the error, with the tensor's name
-                key_mapping={r"^vision_encoder\.": ""},  # prefix of tensors of the image encoder in files of SAM 2
+                key_mapping={r"^vision_encoder\.": ""},  # removes the prefix of tensor names in files of SAM 2
             )
         except Exception as error:  # safetensors and transformers raise their own error types
             raise unreadable(weights, error) from error
@@ -95,7 +95,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _of_any_size(network: Any, config: Any, **others: Any) -> VisionModel:
-    """Return the model of a family that accepts images whose sides are any multiple of the patch side."""
+    """Return the model of a family that accepts images whose sides are multiples of the patch side."""
     patch = _side(config, "patch_size", "a vision transformer with square patches")
 
     def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
@@ -156,7 +156,7 @@ _FAMILIES = {  # by the model type of the image encoder
 
 
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
-    """Return the last h·w tokens of a sequence (n, prefix + h·w, D) as a grid (n, h, w, D)."""
+    """Return the last h·w tokens of `sequence` (n, prefix + h·w, D) as a grid (n, h, w, D); h and w count patches."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         found = f"an output of shape {tuple(sequence.shape)}"

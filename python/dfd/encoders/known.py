@@ -1,4 +1,4 @@
-"""List the encoders that have a short name, and the block of each whose output gives the tokens."""
+"""List the encoders that have a short name, and for each encoder the block whose output gives the tokens."""
 
 from typing import NamedTuple
 

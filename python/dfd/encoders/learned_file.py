@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Return the fingerprint of the weights, and the block; learned data applies only to encoders with the same two."""
+    """Return the fingerprint of the weights, and the block; learned data is valid only if both are the same."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
@@ -41,10 +41,10 @@ def read_learned(
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
     """Return the arrays of a learned file, and the `encoder_identity` of the encoder for which they were learned.
 
-    `shapes` maps the name of each array to its shape. A size in it is a number or a name; equal names stand for equal
-    sizes. The file has all or none of the arrays in `optional`.
+    `kind` names the type of data and its version. `shapes` maps the name of each array to its sizes: numbers, or names
+    that stand for equal numbers. The file must have all arrays in `optional`, or none of them.
 
-    Raises ValueError, with `function` in the message, if the file is truncated, no .safetensors file, or not of `kind`.
+    Raises ValueError, with `function` in the message, if the file is no complete .safetensors file of this `kind`.
     Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be read.
     """
     name = os.fspath(path)

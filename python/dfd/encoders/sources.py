@@ -60,7 +60,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
 
 
 def find_identity(encoder: str | os.PathLike[str], device: str | torch.device | None = None) -> dict[str, str] | None:
-    """Return the values of the keys `IDENTITY`, without loading `encoder`; None if its weights are not stored here."""
+    """Return the values of the keys `IDENTITY` without loading `encoder`; None if this machine lacks its weights."""
     weights = find_fingerprint(encoder)
     if weights is None:
         return None
@@ -76,7 +76,7 @@ def _hub_name(name: str) -> str | None:
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder of the model `hub` in the hub's cache; its name is the revision. None if a file is missing."""
+    """Return the folder of the model `hub` in the hub's cache, named after the revision; None if it lacks a file."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -112,7 +112,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         problem = f"{hub} needs its license accepted on {constants.ENDPOINT}, and a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ArgumentError("encoder", f"must be a model of {constants.ENDPOINT}, got {hub!r}") from None
-    except Exception as error:  # errors of the network or the hub, all with the same three remedies
+    except Exception as error:  # errors of the connection or the hub, all with the same three remedies
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     raise FileNotFoundError(
         f"load_encoder: the weights of `encoder` {name!r} were not found. There are three remedies: "

@@ -1,4 +1,4 @@
-"""Define the interface that the vision networks of all families have in common."""
+"""Define the interface that vision networks of all families, such as DINOv2 and CLIP, have in common."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """A network that ends after `block` (counted from 1) of its `depth` blocks.
+    """A network that was cut after block number `block`, counted from 1; the whole network has `depth` blocks.
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
     pixels, or exactly `fixed_size` if it is set. The second argument of `tokens`, bool (n, H / patch, W / patch),
-    selects the patches to encode; all other tokens are 0. None encodes all patches. The argument must be None if
-    `takes_patches` is false.
+    selects the patches to encode; all other tokens are 0. If this argument is None, all patches are encoded. It must be
+    None if `takes_patches` is False.
     """
 
     network: nn.Module

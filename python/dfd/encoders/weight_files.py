@@ -10,7 +10,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.files import sha256_of_files
 
 SETTINGS = ("config.json", "preprocessor_config.json")
-_SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # a file of all tensors, or an index of files
+_SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file of all tensors; an index of files
 
 
 class ChannelStats(NamedTuple):
@@ -27,7 +27,7 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 class EncoderWeights:
     """Weights of a network: either `folder` contains their files, or `tensors` holds them as arrays by name.
 
-    `fingerprint` identifies the weights and their settings. `channels` is None if the folder does not state them.
+    `fingerprint` identifies the weights and their settings. `channels` is None if `preprocessor_config.json` lacks it.
     """
 
     config: dict[str, Any]
@@ -62,7 +62,7 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
 
 
 def weight_files(folder: Path) -> list[Path]:
-    """Return the files of the tensors: a single file, or all files in an index. The files need not exist."""
+    """Return the files of the tensors in `folder`: a single file, or all files in an index. They need not exist."""
     index = {} if (folder / _SINGLE).is_file() else _read_json(folder / _INDEX) or {}
     return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_SINGLE]]
 

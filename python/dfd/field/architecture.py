@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-MOST_OCTAVES = 16  # with more octaves, float32 cannot represent the angles of the positional encoding
+MOST_OCTAVES = 16  # largest number of octaves, because float32 rounds the angles of higher octaves too much
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Architecture:
     dimension: int  # dimension D of a feature
     width: int = 256  # number of neurons of a hidden layer
     layers: int = 4  # number of hidden layers
-    octaves: int = 0  # octaves of the positional encoding: sines and cosines of the coordinates, as further inputs
+    octaves: int = 0  # number of octaves of the positional encoding: further inputs, sines and cosines of coordinates
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -35,7 +35,7 @@ class Architecture:
 
     @classmethod
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
-        """Return the architecture of a network with these `parameters`.
+        """Return the architecture of a network with these `parameters` and this number of `octaves`.
 
         Raises ValueError if a parameter is missing or unknown, or has the wrong array shape.
         """

@@ -18,7 +18,7 @@ from dfd.common.files import cache_directory
 from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 
-LIMIT = 2 << 30  # total bytes of the entries, above which the least recently used entries are removed
+LIMIT = 2 << 30  # largest total size of all entries in bytes; above it, the least recently used entries are removed
 _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
@@ -55,7 +55,7 @@ def store(key: Mapping[str, Any], field: Field) -> None:
 
 
 def _clean(newest: Path) -> None:
-    """Remove damaged entries with the key of `newest`, unfinished files, and the oldest entries above `LIMIT`."""
+    """Remove abandoned files, damaged entries with the key of `newest`, and the oldest entries beyond `LIMIT`."""
     for path in _entries(newest.name.partition("-")[0]):
         with contextlib.suppress(OSError):
             if not _is_intact(path):

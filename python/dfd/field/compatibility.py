@@ -1,4 +1,4 @@
-"""Check that a field belongs to a mesh, by the bounding box and surface samples of the shape that was distilled."""
+"""Check that a field belongs to a mesh: compare boxes and surface samples of the mesh and of the distilled shape."""
 
 import warnings
 from typing import Protocol
@@ -9,17 +9,17 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.mesh import Mesh
 
-# Largest accepted ratio between the longest box sides of the mesh and of the field's shape. Cut or simplified shapes
-# have a smaller ratio. Inch and centimeter, which people often confuse, have the ratio 2.54.
+# Largest accepted ratio between the longest box sides of the mesh and of the distilled shape. Cut or simplified shapes
+# have a smaller ratio. The same shape in inches and in centimeters, which people often confuse, has the ratio 2.54.
 LARGEST_RATIO = 2.0
-# A warning is given if a coordinate of the mesh, relative to the center of the field's box, exceeds this number of
-# halves of the box's longest side. A tall shape on the ground has the coordinate 2 if its file has another up axis.
+# Largest normalized coordinate of the mesh without a warning. The center of the distilled shape's box is 0, and half of
+# the box's longest side is 1. A tall shape on the ground reaches the coordinate 2 if its file has another up axis.
 WARNED_COORDINATE = 1.5
 POINTS = 512  # number of surface samples that a field stores
 SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
-FAR = 0.02  # distance above which a point is far from a surface: this fraction of the box diagonal, plus sample spacing
-# Largest accepted shares of the mesh's samples that are far from the field's points, and of these points that are far
-# from the mesh.
+FAR = 0.02  # distance beyond which a point is far from samples: this fraction of the box diagonal, plus their spacing
+# MOST_BEYOND is the largest accepted share of mesh samples that are far from the field's points. MOST_MISSING is the
+# largest accepted share of the field's points that are far from the mesh.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
 
 
@@ -34,7 +34,7 @@ class KnownShape(Protocol):
 def surface_points(mesh: Mesh) -> Float32 | None:
     """Return evenly spaced surface points of `mesh`, (512, 3) in mesh units, or None if no face has an area.
 
-    Each point is the one of 4096 samples that is farthest from all points chosen before (Gonzalez 1985).
+    The points are chosen from 4096 samples, each as far as possible from all points chosen before (Gonzalez 1985).
     """
     samples, _ = _samples(mesh)
     if samples is None:
@@ -48,19 +48,19 @@ def surface_points(mesh: Mesh) -> Float32 | None:
 
 
 def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
-    """Raise ValueError if a field was distilled from another shape than `mesh`.
+    """Raise ValueError if `field` was distilled from another shape than `mesh`.
 
-    The check accepts other resolutions of the shape, and pieces with at least half of its surface. If a field has no
-    surface samples, such as a `VertexField`, only bounding boxes are compared. The message names `allowed_by`, the
+    The check accepts other resolutions of the shape, and pieces with at least half of its surface. A field without
+    surface samples, such as a `VertexField`, is compared by its bounding box only. The message names `allowed_by`, the
     public argument that disables this check.
 
-    Raises ValueError if the longest box sides differ by more than a factor of 2, or if the mesh's box lies outside the
-    cube around the field's box. Raises ValueError if more than 10 % of the mesh's surface is far from the field's
-    shape, or more than 60 % of the field's shape is far from the mesh. Warns if the mesh extends beyond the cube by
-    more than a quarter of the cube's side, because features there are extrapolated.
+    Raises ValueError if the longest sides of the two boxes differ by more than a factor of 2, or if the mesh lies
+    outside the smallest cube around the distilled shape's box. Raises ValueError if more than 10 % of the mesh is far
+    from the distilled shape, or more than 60 % of the distilled shape is far from the mesh. Warns if the mesh extends
+    beyond the cube by more than a quarter of the cube's side, because features there are extrapolated.
     """
     center, scale = field.center, field.scale
-    low, high = (np.asarray(mesh.bounds) - center) * scale  # the field's shape lies in the cube [-1, 1]³
+    low, high = (np.asarray(mesh.bounds) - center) * scale  # the distilled shape lies in the cube [-1, 1]³
     ratio = float((high - low).max()) / 2.0
     farthest = float(max(-low.min(), high.max()))
     outside = bool((low > 1).any() or (high < -1).any())
@@ -86,7 +86,7 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
-    """Return two shares: mesh samples far from the field's shape, and points of that shape far from the mesh."""
+    """Return the share of mesh samples far from the field's points, and the share of these points far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
         return 0.0, 0.0
@@ -101,7 +101,7 @@ def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
 
 
 def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
-    """Return evenly spaced surface samples of `mesh`, (4096, 3), and 1.5 times their mean spacing, in mesh units."""
+    """Return evenly spaced samples of `mesh`, (4096, 3), and 1.5 times their mean spacing; None and 0 without area."""
     from dfd.geometry.topology import even_points, face_areas
 
     areas = face_areas(mesh.vertices, mesh.faces)

@@ -1,8 +1,8 @@
 """Correct a field's features on each connected component of a surface, because components can overlap in space.
 
-A field's network depends on position alone, so it gives a helmet and the head inside it the same features. If a shape
-has several components, its field also stores surface samples with residuals. A residual is the encoder's feature minus
-the network's feature. A vertex then has the network's feature plus the interpolated residual of its component.
+A field's network depends on position alone, so a helmet and the head inside it get nearly the same features. If a shape
+has several components, its field also stores residuals at surface samples. A residual is the target feature of the fit
+minus the network's feature. At a vertex, the residuals of its component are interpolated, and added to the feature.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-NEIGHBORS = 8  # number of nearest samples, on the component of a point, from which its residual is interpolated
-# Components of two meshes match if the coordinates of their boxes differ by at most `SAME`, in normalized coordinates.
-# The boxes of a component at two resolutions differ by less.
+NEIGHBORS = 8  # number of samples from which a residual is interpolated: the nearest ones on the point's component
+# Two components match if the normalized coordinates of their bounding boxes differ by at most this number. At another
+# resolution of the mesh, the box of a component changes less.
 SAME = 0.02
 _APART = 10.0  # offset between components in neighbor searches, more than any distance in [−1, 1]³
-_ROWS_AT_ONCE = 1 << 16  # features that are computed at a time, which limits memory
+_ROWS_AT_ONCE = 1 << 16  # number of features that are computed at a time, to limit memory
 
 
 @dataclass(frozen=True, eq=False)
 class ComponentResiduals:
     """The connected components of a surface in normalized coordinates, and residuals of their features.
 
-    Raises ValueError if an array has the wrong shape, a number is not finite, or a component has no box.
+    Raises ValueError if an array has the wrong shape, a number is not finite, or a point's component has no box.
     """
 
     boxes: Float32  # (P, 6) the lower and upper corner of each component's bounding box
@@ -73,12 +73,12 @@ class ComponentResiduals:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def widened(self, directions: Float32) -> ComponentResiduals:
-        """Return the same components with residuals of dimension D: multiplied by `directions` (d, D)."""
+        """Return the same components with the residuals (N, d) multiplied by `directions` (d, D)."""
         differences = (self.differences @ directions).astype(np.float16)
         return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return the component that matches each of `boxes` (Q, 6), as (Q,) indices; −1 if there is none."""
+        """Return the index of the component whose box matches each of `boxes` (Q, 6), as (Q,); −1 if none matches."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -87,7 +87,7 @@ class ComponentResiduals:
         return np.where(distance <= SAME, found, -1)
 
     def add_residuals(self, rows: Float32, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
-        """Return the features `rows` (N, D) of normalized `points` (N, 3) plus residuals, scaled to unit length.
+        """Return the features `rows` (N, D) plus the residuals at normalized `points` (N, 3), scaled to unit length.
 
         A residual is a weighted mean over the `NEIGHBORS` nearest samples on the point's `component` (N,). Weights fall
         to 0 at the next nearest sample, so the residual is continuous. Points of component −1 have no residual.
@@ -100,7 +100,7 @@ class ComponentResiduals:
             changed += self._differences_at(points[chosen], component[chosen])
             length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
             changed /= np.maximum(length, np.float32(1e-6))[:, None]
-            vanished = length < 1e-6  # these sums have no direction, so their features stay unchanged
+            vanished = length < 1e-6  # a sum near 0 has no direction, so the feature without residual is kept
             changed[vanished] = rows[chosen[vanished]]
             result[chosen] = changed
         return result
@@ -112,7 +112,7 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # If a component has no next nearest sample, weights fall to 0 at twice the distance of its farthest sample.
+        # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the distance of the farthest one.
         support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(support, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
@@ -165,5 +165,5 @@ def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
 
 
 def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> Float64:
-    """Return `points` (N, 3) with a fourth coordinate, which separates each `component` (N,) in neighbor searches."""
+    """Return `points` (N, 3) with a fourth coordinate that keeps points of different `component` (N,) far apart."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])

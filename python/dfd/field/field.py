@@ -30,10 +30,10 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only tensors need it
 
     from dfd.mesh.mesh import Mesh
 
-# Largest coordinate of a point relative to the center of the shape's box, in halves of the longest side of the box.
-# float32 cannot distinguish points with larger coordinates.
+# Largest normalized coordinate of a point, relative to the center of the shape's bounding box. The unit is half of the
+# box's longest side. float32 cannot distinguish nearby points with larger coordinates.
 FARTHEST = 1e6
-RESIDUALS = "residuals."  # prefix of the names of residuals in field files
+RESIDUALS = "residuals."  # prefix, in field files, of the names of the arrays of `ComponentResiduals`
 
 
 @dataclass(frozen=True)
@@ -45,50 +45,50 @@ class FieldSource:
 
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
-        """Return the source with the hash of the present content of `path`."""
+        """Return the source for `path`, with the hash of the file's present content."""
         return cls(Path(path), sha256_of_files(Path(path)))
 
 
 class Field:
     """The map Φ of the paper, from points in mesh units to features, which are vectors of unit length.
 
-    The network is the paper's (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last linear
-    map gives a vector of D numbers, which is divided by its length. A point p is first normalized to
-    (p − `center`) · `scale`. `center` and `scale` are those of the distilled mesh, for all its resolutions.
+    The network is that of the paper (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last
+    linear map gives a vector of D numbers, which is divided by its length. A point p is first normalized to
+    (p − `center`) · `scale`. `center` and `scale` come from the distilled mesh, and hold for all its resolutions.
 
     With `octaves`, the network also gets a positional encoding: sines and cosines of the coordinates. The longest
-    wavelength is twice the longest side of the box (Mildenhall et al. 2020, section 5.1). The fit then needs far fewer
-    steps to reproduce borders between parts.
+    wavelength is twice the longest side of the box (Mildenhall et al. 2020, section 5.1). With this encoding, the fit
+    needs far fewer steps to reproduce borders between parts.
 
     With `residuals`, the features of a mesh's vertices also depend on their connected components: see
     `dfd.field.component_residuals`.
 
-    A field is immutable. A C++ kernel evaluates it, without torch or a GPU. `source` is the file from which the field
-    was read, or None.
+    A field is immutable. A C++ kernel evaluates arrays of points, without torch or a GPU. `source` is the file from
+    which the field was read, or None.
 
     Parameters
     ----------
     parameters
         Arrays by their names in `dfd.field.architecture`: weight and bias of each linear map and each LayerNorm.
     octaves
-        The number of wavelengths of sines and cosines, each half of the previous one; 0 is the paper's network.
+        The number of wavelengths of sines and cosines; each is half of the previous one. 0 gives the paper's network.
     center
-        (3,) the center of the shape's bounding box, in mesh units, which becomes the origin.
+        The center (3,) of the shape's bounding box, in mesh units. The normalization maps it to the origin.
     scale
         2 divided by the longest side of that box, in mesh units.
     settings
         Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
-        The encoder's features minus the network's, at surface samples of each connected component; or None.
+        Corrections of the network's features at surface samples of each connected component; or None.
     surface
         (512, 3) surface samples of the distilled shape in mesh units. `dfd.field.compatibility.check_compatible`
-        compares them with those of a mesh; with None, it compares only boxes.
+        compares them with samples of a mesh. If `surface` is None, only the bounding boxes are compared.
 
     Raises
     ------
     ValueError
-        If a parameter is missing or unknown, has the wrong array shape or is not finite. Also if another argument is
-        out of its range, or `residuals` have another dimension than the features.
+        If a parameter is missing or unknown, has the wrong array shape or is not finite. If another argument is out of
+        its range. If `residuals` have another dimension than the features.
     """
 
     source: FieldSource | None = None
@@ -139,8 +139,8 @@ class Field:
         -------
         (N, D) float32 rows of unit length: a differentiable tensor if `points` is a tensor, otherwise an array.
 
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or one of
-        its coordinates, relative to the box's center, exceeds a million times half of the box's longest side.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or along an
+        axis farther from the box's center than a million times half of the box's longest side.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
@@ -172,7 +172,7 @@ class Field:
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """Return a copy of the field with these `residuals`, or with none; ValueError if their dimension is not D."""
+        """Return a copy of the field with these `residuals`, or without any; ValueError if their dimension is not D."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -249,7 +249,7 @@ class Field:
             If `path` does not exist or cannot be read.
         ValueError
             If the file is not a field, is truncated, has another version, lacks arrays of the network, or gives
-            features that are not finite. Also if the field was distilled from another shape than `mesh`.
+            features that are not finite. If the field was distilled from another shape than `mesh`.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is not a file")
@@ -289,12 +289,12 @@ class FieldOnMesh:
         return len(self.mesh.vertices), self.field.dimension
 
     def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> Float32:
-        """Return the features of `vertices`, (N, D) float32 rows of unit length."""
+        """Return the features of the vertices with the indices `vertices`, (N, D) float32 rows of unit length."""
         points = self.mesh.vertices[vertices]
         return self._of(points, None if self._component is None else self._component[vertices])
 
     def at(self, points: NDArray[np.floating[Any]]) -> Float32:
-        """Return the features (N, D) at `points` (N, 3) in mesh units; a point has the nearest vertex's component."""
+        """Return the features (N, D) at `points` (N, 3) in mesh units; the nearest vertex gives a point's component."""
         places = np.asarray(points, np.float64)
         return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
@@ -307,7 +307,7 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """Return the field's component for each vertex, (V,); −1 if no component matches; None without residuals."""
+        """Return the index (V,) of each vertex's component in the field; −1 without a match; None without residuals."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)
@@ -323,7 +323,7 @@ class FieldOnMesh:
 
 
 def _frozen(name: str, values: ArrayLike, shape: Any = None, dtype: Any = np.float32) -> NDArray[Any]:
-    """Return a read-only copy of `values`, after a check of its array shape and of all numbers."""
+    """Return a read-only copy of `values`; ValueError if its array shape is wrong or a number is not finite."""
     array = check.array("Field", name, values, np.shape(values) if shape is None else shape, dtype=dtype).copy()
     array.flags.writeable = False
     return array

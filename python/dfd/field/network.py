@@ -15,7 +15,7 @@ from dfd.field.architecture import Architecture
 class Network(nn.Module):
     """A map from normalized points (N, 3) to features (N, D), with the parameters of `dfd.field.architecture`.
 
-    The linear maps have no values before a call of `draw`. `of` returns a network with given values.
+    The parameters of the linear maps have no values until `draw` is called. `of` returns a network with given values.
     """
 
     def __init__(self, architecture: Architecture) -> None:
@@ -28,7 +28,7 @@ class Network(nn.Module):
         self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
     def draw(self, generator: torch.Generator) -> Network:
-        """Draw the linear maps' parameters from a CPU `generator`, uniformly in ± 1 / √inputs as torch does."""
+        """Draw the linear maps' parameters from a CPU `generator`, uniformly in ±1 / √inputs as torch does."""
         with torch.no_grad():
             for layer in self.network:
                 if isinstance(layer, nn.Linear):
@@ -46,7 +46,7 @@ class Network(nn.Module):
         return network.requires_grad_(False)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Return the features (N, D) of `points` (N, 3), float32; they are differentiable in `points`."""
+        """Return the float32 features (N, D) of `points` (N, 3); the features are differentiable in `points`."""
         waves = [points]
         for octave in range(self.architecture.octaves):
             angle = points * (math.pi / 2 * 2**octave)

@@ -16,14 +16,14 @@ from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike
 from dfd.mesh.normalization import normalization
 
-ROWS_AT_ONCE = 1 << 16  # rows that are scaled at a time, which limits memory
+ROWS_AT_ONCE = 1 << 16  # number of rows that are scaled at a time, to limit memory
 
 
 class VertexField(Field):
     """A field from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
 
-    There is no network, so weights follow exactly from the given features. Vertices at one position all have the
-    feature of the first of them, so that UV seams stay closed.
+    There is no network, so weights follow exactly from the given features. All vertices at the same position have the
+    feature of the first one, so that UV seams stay closed.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class VertexField(Field):
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
-        """Return the features (N, D) of `points` (N, 3) in mesh units; a tensor of features has no gradient."""
+        """Return the features (N, D) of `points` (N, 3) in mesh units; for a tensor, a tensor without gradient."""
         if tensors.is_tensor(points):
             import torch
 

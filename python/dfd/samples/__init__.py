@@ -1,6 +1,6 @@
 """Generate shapes with a part label for each vertex, for tests and demos.
 
-All shapes are upright (+y) and face +z. Their height is about 1, and the plane x = 0 is an exact mirror plane.
+All shapes are upright (+y) and face +z; right is +x. Their height is about 1, and x = 0 is an exact mirror plane.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dfd.samples.polygonize import polygonize
 
 __all__ = ["Sample", "chair", "quadruped", "robot"]
 
-_FEWEST_FACES = 4000  # with fewer faces, the grid is too coarse for horns and tails
+_FEWEST_FACES = 4000  # smallest number of faces; with fewer, the grid is too coarse for horns and tails
 _MOST_FACES = 10_000_000
 
 
@@ -91,7 +91,7 @@ def quadruped(faces: int = 20_000) -> Sample:
 def robot(faces: int = 20_000) -> Sample:
     """Return a robot of about `faces` faces.
 
-    Parts: torso, head, and two each of arm, hand, leg and foot, the right one first.
+    Parts: torso, head, arm (2), hand (2), leg (2), foot (2). The right part of a pair has the number 0.
 
     Raises ValueError if `faces` is below 4,000 or above 10,000,000.
     """

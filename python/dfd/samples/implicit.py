@@ -31,7 +31,7 @@ class Shape:
         self.parts = tuple(dict.fromkeys(primitive.part for primitive in primitives))
 
     def distance(self, points: Points) -> Float64:
-        """Return the approximate signed distance (N,) of `points` from the surface; it is symmetric in x = 0."""
+        """Return the approximate signed distance (N,) of `points` from the surface, which is symmetric in x = 0."""
         folded = _folded(points)
         result = self.primitives[0].distance(folded)
         for primitive in self.primitives[1:]:
@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Return `points` after `times` moves towards the surface, by at most `step` each. x = 0 stays unchanged."""
+        """Return `points` after `times` moves to the surface, each by at most `step`. Points on x = 0 stay on x = 0."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
@@ -75,7 +75,7 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
 
 def chain(points: Sequence[Triple], radii: Sequence[float]) -> list[Distance]:
-    """Return the distance functions of capsules between consecutive points."""
+    """Return the distance functions of capsules between consecutive `points`, with one of `radii` at each point."""
     return [capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)]
 
 
@@ -92,7 +92,7 @@ def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
 
 
 def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
-    """Return the approximate distance function of a box with half sides `half` and edges rounded by `radius`.
+    """Return the approximate distance function of a box with the sides 2 · `half`, and edges rounded by `radius`.
 
     The box is bent (z increases by `bend` · x²), and then rotated about x by `pitch` radians (positive: front down).
     """

@@ -57,7 +57,7 @@ def _half(
     values = shape.distance(points).reshape(count)
     inside = values < 0
     cells = tuple(n - 1 for n in values.shape)
-    code = np.zeros(cells, np.uint8)  # which corners of each cell lie inside
+    code = np.zeros(cells, np.uint8)  # for each cell, a bit for each corner that lies inside the shape
     for bit, (i, j, k) in enumerate(_CORNERS):
         code |= inside[i : i + cells[0], j : j + cells[1], k : k + cells[2]].astype(np.uint8) << np.uint8(bit)
     crossed = np.argwhere((code > 0) & (code < 255))  # (N, 3) cells
@@ -78,10 +78,10 @@ def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
 
 
 def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, Int64]:
-    """Return the vertices (V, 3) in grid spacings, the first vertex (N,) of each cell, and its sheets (N, 12).
+    """Return the vertices (V, 3) in grid spacings, each cell's first vertex (N,), and each edge's sheet (N, 12).
 
     `crossed` (N, 3) are the cells that the surface crosses, and `code` (N,) has a bit for each corner that lies inside.
-    The sheets are numbers of the sheet that crosses each edge of a cell, or −1 if no sheet crosses the edge.
+    A sheet is the number, in its cell, of the piece of surface that crosses the edge; −1 if no surface crosses it.
     """
     sheet = _sheets()[code]
     count = sheet.max(axis=1) + 1
@@ -102,7 +102,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
 
 @cache
 def _sheets() -> Int64:
-    """Return the sheet that crosses each edge, for each set of corners inside, (256, 12); −1 if none crosses it."""
+    """Return a table (256, 12): for each set of inside corners, the sheet that crosses each edge, or −1 for none."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
         cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
@@ -150,7 +150,7 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 
 
 def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Return the vertices after three rounds, which move them towards their neighbors' mean and then to the surface."""
+    """Move the vertices three times towards the mean of their neighbors, then to the surface, and return them."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T

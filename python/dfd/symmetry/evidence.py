@@ -1,4 +1,4 @@
-"""Measure how well a symmetry maps a shape to itself, by surface samples and their features.
+"""Measure how well a symmetry maps a shape to itself: compare the features of surface samples and of their images.
 
 In normalized coordinates, the origin is the center of the bounding box, and half of the box's longest side is 1.
 """
@@ -18,11 +18,11 @@ from dfd.mesh.normals import face_normals
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
 _QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # pairs are farther apart, normalized, because nearby samples always have similar features
-_BINS = 24  # number of distance intervals for the mean change of features
-STAYS = 0.1  # a symmetry does not move a sample if it moves it by at most this distance, normalized
+_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearby samples have similar features
+_BINS = 24  # number of distance intervals for which the mean change of features is computed
+STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
 _MOVED = 0.3  # smallest share of samples that a symmetry must move
-_NO_SPREAD = 1e-4  # a field with a smaller mean change of features does not distinguish symmetries
+_NO_SPREAD = 1e-4  # if the mean feature distance is smaller, the field does not distinguish symmetries
 _TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
 
 
@@ -37,7 +37,7 @@ class SurfaceFeatures:
     features: Float32  # (N, D)
     tree: cKDTree  # search tree of `points`
     pairs: Int64  # (P, 2) samples with similar features, farther than _LEAST_PAIR_DISTANCE from each other
-    change: Float64  # (B,) mean feature distance of two samples, for each interval of their distance
+    change: Float64  # (B,) mean feature distance of two samples, for each of B intervals of their distance in space
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
@@ -45,8 +45,8 @@ class SurfaceFeatures:
         """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
 
         The dissimilarity is the mean feature distance of a moved sample and its image, divided by the usual feature
-        distance of samples that far apart. It uses the best four fifths of the samples. It is 0 for a perfect symmetry,
-        1 for chance, and 1 if few samples move. The share is that of the moved samples with images on the surface.
+        distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance, and 1 if few samples
+        move. The best 80 % of the samples count. The share is the fraction of moved samples with images on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
@@ -88,7 +88,7 @@ def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
-    """Return the mean feature distance (B,) of two samples, for each interval of their distance, and its upper end."""
+    """Return `change` and `farthest` of `SurfaceFeatures` for the samples `points` (N, 3) with `features` (N, D)."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
     # Random pairs are seldom near each other, so neighbors along a random direction are added.
@@ -105,7 +105,7 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
 
 
 def _similar_pairs(points: Float64, features: Float32) -> Int64:
-    """Return pairs (P, 2): every k-th sample with each of the distant samples that have the most similar features."""
+    """Return pairs (P, 2): every k-th sample is paired with the distant samples that have the most similar features."""
     queried = np.arange(0, len(points), -(-len(points) // _QUERIED))
     dissimilarity = -(features[queried] @ features.T)
     squared = (points**2).sum(axis=1)

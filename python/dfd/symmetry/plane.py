@@ -14,11 +14,11 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 
-if TYPE_CHECKING:  # this module imports SciPy, which the help of the command line does not need
+if TYPE_CHECKING:  # `dfd.mesh.mesh` imports SciPy, which the help of the command line does not need
     from dfd.mesh.mesh import Mesh
 
-# Half of the width of the band in which the deformations of both sides are blended, as a share of the longest side of
-# the box. A narrower band shows a crease. In a wider band, each side's deformation affects too much of the other side.
+# Half of the width of the band in which the deformations of both sides are blended, as a fraction of the bounding box's
+# longest side. A narrower band shows a crease. In a wider band, each side's deformation affects too much of the other.
 DEFAULT_BAND = 0.03
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -29,14 +29,14 @@ class SymmetryPlane:
 
     normal: tuple[float, float, float]  #: (3,) unit vector
     offset: float  #: Signed distance from the origin along `normal`, in mesh units
-    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices v, where Φ is the field and R the reflection. The paper compares it
-    #: with ε; 0 is perfect
+    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices v, for the field Φ and the reflection R. 0 is perfect; in the paper,
+    #: the score of a mirror plane is below a threshold ε
     score: float = 0.0
     #: Mean feature distance between surface samples and their mirror images, divided by the usual feature distance of
     #: samples that far apart. 0 is perfect, 1 is chance. Only the best four fifths of the samples count
     relative_score: float = 0.0
-    #: Half of the width, in mesh units, of the band in which the deformations of both sides are blended. With 0, they
-    #: meet at the plane without a blend, as in Eq. 8
+    #: Half of the width, in mesh units, of the band in which the deformations of both sides are blended. If it is 0,
+    #: the deformations meet at the plane without a blend, as in Eq. 8
     band: float = 0.0
 
     def __post_init__(self) -> None:
@@ -84,10 +84,10 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
 
 
 def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
-    """Return the plane that `text` describes, with a band of 3 % of the longest side of `mesh`.
+    """Return the plane that `text` describes, with a `band` of 3 % of the longest side of the box of `mesh`.
 
     "x", "y" or "z" is the plane perpendicular to this axis through the center of the bounding box of `mesh`. "x=0.1" is
-    the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has the normal (0.6, 0, 0.8), which is normalized, and offset 0.1.
+    the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has the normal (0.6, 0, 0.8), scaled to length 1, and offset 0.1.
 
     Raises ValueError if `text` has another form, a number is not finite, or the normal is 0.
     """

@@ -12,12 +12,12 @@ Planes = Float64  # (K, 4)
 
 _SEEDS = 300  # largest number of planes halfway between two samples, for which pairs of samples vote
 _MOST_REFINED = 8  # number of planes with the most votes that are fitted
-_PAIR_FITS = 0.12  # a pair votes for a plane that maps one sample within this distance of the other, normalized
-_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes at a smaller angle, and offset (normalized), are the same
+_PAIR_FITS = 0.12  # a pair votes for a plane if one sample's mirror image is nearer than this to the other sample
+_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes are the same if their angle and offset differ by less
 _STEPS = 10  # largest number of Gauss-Newton steps
 # The first _COARSE_STEPS steps use every _COARSE-th sample, if more than _ENOUGH samples remain.
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
-# Images farther than _FIRST_REACH from the surface, normalized, are ignored. Each step multiplies this by _SHRINK.
+# Mirror images farther than _FIRST_REACH from the surface are ignored. Each step multiplies this distance by _SHRINK.
 _FIRST_REACH, _SHRINK = 0.3, 0.7
 _LONGEST_STEP = 0.2  # largest change of a parameter in a step
 _DIFFERENCE = 1e-6  # change of a parameter for finite differences
@@ -31,13 +31,13 @@ def candidate_planes(evidence: SurfaceFeatures) -> Planes:
 
 
 def mirrored(points: Float64, plane: Float64) -> Float64:
-    """Return the mirror images of `points` (N, 3)."""
+    """Return the mirror images (N, 3) of `points` (N, 3) in `plane`."""
     height = points @ plane[:3] - plane[3]
     return points - 2 * height[:, None] * plane[:3]
 
 
 def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET) -> bool:
-    """Return whether two planes differ by less than `angle` in radians, and by less than `offset`, normalized."""
+    """Return whether two planes have an angle below `angle` (radians) and offsets that differ by less than `offset`."""
     along = float(a[:3] @ b[:3])
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
 
@@ -64,7 +64,7 @@ def _between(points: Float64, pairs: Int64) -> Planes:
 
 
 def _principal(points: Float64) -> Planes:
-    """Return six planes: perpendicular to the coordinate axes at the origin, and to the principal axes at the mean."""
+    """Return three planes through the origin, perpendicular to the axes, and three principal planes at the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])

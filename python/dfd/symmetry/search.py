@@ -16,8 +16,8 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
-# Planes whose dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus FIT_LEAVES, are not returned:
-# the front and the back of a figure are similar, but far less than its two sides.
+# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus FIT_LEAVES.
+# For example, the front and the back of a figure are similar, but far less than its left and right sides.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 ON_SURFACE = 0.5  # smallest share of the moved samples whose mirror images lie on the surface
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets (normalized) differ
@@ -40,14 +40,14 @@ def symmetry_planes(
     With `candidates="any"`, candidates are the planes halfway between points with similar features, and planes
     perpendicular to principal axes or coordinate axes. Each is fitted so that the mirror image of the surface is
     nearest to the surface. Nearly equal planes are merged. A plane nearly perpendicular to a coordinate axis is made
-    exactly perpendicular if its `relative_score` hardly increases. The plane of a flat shape itself is not found.
+    exactly perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies is not found.
 
     Parameters
     ----------
     threshold
         A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. The right ε depends
         on the encoder and its block, because the ranges of their features differ. "relative" returns planes with a
-        `relative_score` of at most 0.25, and of at most 0.01 more than 3 times the best one.
+        `relative_score` of at most 0.25, and of at most 3 times the best `relative_score` plus 0.01.
     candidates
         "any", or "axes" for the paper's three planes: perpendicular to the axes, through the center of the box.
 
@@ -124,7 +124,7 @@ def _without_copies(candidates: list[_Candidate]) -> list[_Candidate]:
 
 
 def _snapped(evidence: SurfaceFeatures, found: _Candidate) -> _Candidate:
-    """Return a nearly equal plane perpendicular to an axis if its dissimilarity is hardly larger, else `found`."""
+    """Return a plane near `found` and perpendicular to an axis if its dissimilarity is hardly larger, else `found`."""
     axis = int(np.argmax(np.abs(found.plane[:3])))
     if abs(found.plane[axis]) < np.cos(_SNAP_ANGLE):
         return found
@@ -145,6 +145,6 @@ def _in_mesh_units(plane: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
     normal = plane[:3] + 0.0  # turns −0 into 0
     half = 1.0 / evidence.frame.scale
     offset = float(plane[3] * half + normal @ evidence.frame.center)
-    offset = 0.0 if abs(offset) < 1e-12 * half else offset  # a plane through the origin has a rounding error
+    offset = 0.0 if abs(offset) < 1e-12 * half else offset  # removes the rounding error of a plane through the origin
     band = DEFAULT_BAND * 2 * half
     return SymmetryPlane((float(normal[0]), float(normal[1]), float(normal[2])), offset, band=band)

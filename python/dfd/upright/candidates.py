@@ -21,8 +21,8 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_PERPENDICULAR = 0.1  # if right has a smaller component perpendicular to up, another right is chosen
-LEAST_EXTENT = 1e-6  # a smaller extent along a direction counts as 0, as a share of the box's longest side
+LEAST_PERPENDICULAR = 0.1  # if the right vector has a smaller component perpendicular to up, another one is chosen
+LEAST_EXTENT = 1e-6  # an extent along a direction counts as 0 up to this fraction of the bounding box's longest side
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
-    # Probability, in [0, 1], that the axis of this direction, or a nearly parallel axis, is upright; 1 if given.
+    # Probability in [0, 1] that the direction's axis or a nearly parallel axis is upright; 1 if the user gave it
     confidence: float = 0.0
     # "said": the user gave the direction. "file": +y is the most probable, or nothing was measured (confidence 0).
-    # "found": another direction is the most probable. "averaged": features of the two most probable are concatenated.
+    # "found": another direction is the most probable. "averaged": features of the two most probable ones are combined.
     source: Literal["said", "file", "found", "averaged"] = "file"
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
     shared: Float64 | None = None  # (K, 3, 3) the frames for which pictures are rendered, the most probable first
@@ -68,7 +68,7 @@ class Up:
 
     @property
     def sentence(self) -> str:
-        """Return `up_sentence(settings)`."""
+        """Return a text for users about the up direction."""
         return up_sentence(self.settings)
 
 
@@ -96,7 +96,7 @@ def _named(direction: ArrayLike) -> str:
 
 
 def axis_frames(frame: Float64) -> list[Float64]:
-    """Return six frames (3, 3), one for each up: right of `frame`, −right, up, −up, front, −front."""
+    """Return six frames (3, 3). Their up directions are right, −right, up, −up, front and −front of `frame`."""
     found = []
     for axis in range(3):
         for sign in (1.0, -1.0):
@@ -126,7 +126,7 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the direction for `up`, which `check_up` returned; ValueError if `mesh` has no extent along it."""
+    """Return the direction for a result `up` of `check_up`; ValueError if `mesh` has no extent along the direction."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)
@@ -140,7 +140,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """Return the frame (3, 3) with the given `up` and the right nearest to `right`; both are unit vectors (3,)."""
+    """Return the frame with the up vector `up` and the right vector nearest to `right`; arguments are unit, (3,)."""
     perpendicular = right - (right @ up) * up
     if np.linalg.norm(perpendicular) < LEAST_PERPENDICULAR:
         perpendicular = np.cross(up, np.eye(3)[np.abs(up).argmin()])

@@ -1,4 +1,4 @@
-"""Find the up direction of a shape. Weights are less accurate if pictures for the field show the shape on its side."""
+"""Find the up direction of a shape. Pictures of a shape on its side would give a field with less accurate weights."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-CLEAR = 0.9  # if the most probable axis has a lower probability, pictures for the field show the two most probable axes
-# If an axis has this probability after the pictures for +y, without the prior, the search ends: more pictures hardly
-# ever change the result.
+CLEAR = 0.9  # if no axis has at least this probability, the field is distilled for the two most probable axes
+# If an axis has at least this probability after the pictures with +y as up, the search ends, because more pictures
+# hardly ever change the result. This probability does not include `prior`.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # if an axis has this probability after pictures around all axes, none are rendered from the corners
-SAME = np.cos(np.radians(8))  # directions at a smaller angle (a larger cosine) than this are one candidate
-NEARLY_PARALLEL = np.cos(np.radians(20))  # probabilities of axes at a smaller angle than this are added
-GLTF_UP = 2.5  # log-odds of +y added for glTF files, because the glTF standard defines +y as up
-UNALIGNED_PRIOR = 0.5  # factor of the prior if the shape is not aligned with the axes of the file
+SURE = 0.97  # if an axis has at least this probability after the pictures `SIDES` for all axes, `CORNERS` are left out
+SAME = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are one candidate
+NEARLY_PARALLEL = np.cos(np.radians(20))  # cosine of 20°; probabilities of axes at a smaller angle are added
+GLTF_UP = 2.5  # log-odds that are added to +y for glTF files, because the glTF standard defines +y as up
+UNALIGNED_PRIOR = 0.5  # factor of the result of `prior` if the shape is not aligned with the axes of the file
 
 
 def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages) -> Up:
@@ -39,9 +39,9 @@ def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
     """Return the up direction of `mesh`, found from the encoder's tokens of pictures and from cues of the surface.
 
-    The upright axis is chosen first, and then its upper end. If no axis is clear, the result has the two most probable.
+    The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has the best two.
 
-    `probe` must be learned from the tokens of `encoder`. None takes the package's probe. Without one, the result is +y.
+    `probe` must be learned from tokens of `encoder`. None takes the package's probe. If it has none, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -63,7 +63,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
 
 def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Return the up direction of a shape aligned with the file's axes. Pictures are added until the result is clear."""
+    """Return the up direction of a shape aligned with the file's axes. Pictures are added until an axis is sure."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
@@ -81,9 +81,9 @@ def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras,
 
 
 def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Return the up direction of a shape not aligned with the file. The first row of `frame` is its mirror normal.
+    """Return the up direction of a shape not aligned with the file's axes; `frame[0]` is normal to a mirror plane.
 
-    Pictures around all axes of the file give a first estimate. Then pictures around its most probable candidates are
+    Pictures around all axes of the file give a first estimate. Then pictures around the most probable candidates are
     added. The axes of the file remain candidates, because the mirror normal may be wrong.
     """
 
@@ -99,10 +99,10 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 
 
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
-    """Return the frames (2K, 3, 3) in which a tilted shape may be upright, each followed by its upside-down frame.
+    """Return 2K frames (2K, 3, 3) in which a tilted shape may be upright. Frame 2k + 1 is frame 2k upside down.
 
-    Candidates are the axes of the file, the stable poses with an upright mirror plane, and two eigenvectors of `form`
-    (3, 3), the pictures' quadratic form. Both eigenvectors are also projected to the mirror plane.
+    Candidates for up are the axes of the file, the stable poses with an upright mirror plane, and two eigenvectors of
+    the pictures' vote `form` (3, 3). Projections of both eigenvectors onto the mirror plane are also candidates.
     """
     normal = frame[0]
     main = np.linalg.eigh(form)[1].T[::-1][:2]
@@ -115,7 +115,7 @@ def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
 
 
 def prior(probe: UpProbe, frame: Float64) -> float:
-    """Return the prior log-odds of `frame`, because most files have a conventional up direction."""
+    """Return the log-odds of `frame` before pictures are seen, because most files have a conventional up direction."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     if np.allclose(frame[1], AXES["-y"]):
@@ -124,7 +124,7 @@ def prior(probe: UpProbe, frame: Float64) -> float:
 
 
 def decide(frames: Float64, odds: Float64) -> Up:
-    """Return the most probable of `frames` (2K, 3, 3) by their log-odds; every second one is the previous upside down.
+    """Return the most probable of `frames` (2K, 3, 3), given their log-odds; frame 2k + 1 is frame 2k upside down.
 
     Probabilities of nearly parallel axes are added, because pictures around them hardly differ.
     """

@@ -1,10 +1,10 @@
 """Vote for up directions by an up probe: a linear map of an encoder's tokens, learned once for each encoder.
 
-The tokens of a picture give two votes in the axes of the camera: a quadratic form for the upright axis, and a vector
-for its upper end. Votes are rotated to the mesh's axes and averaged over all pictures. A mirrored picture must give the
-mirrored vote. So the entries of a vote that change sign under a mirroring are linear in the difference between the
-picture's halves. The other entries are linear in its mean token. The log-odds of a candidate are a weighted sum of its
-votes and of cues of the surface (`dfd.upright.stability`).
+The tokens of a picture, feature vectors of its patches, give two votes in the axes of the camera: a quadratic form for
+the upright axis, and a vector for its upper end. Votes are rotated to the mesh's axes and averaged over all pictures. A
+mirrored picture must give the mirrored vote. So coefficients of a vote that change sign under a mirroring are linear in
+the difference between the mean tokens of the picture's halves. The other coefficients are linear in the mean token. The
+log-odds of a candidate are a weighted sum of its votes and of cues of the surface (`dfd.upright.stability`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
 KIND = "dfd up probe 2"  # format version 2
-LOOKS = ("looks upright", "looks right side up")  # the votes: "looks upright" is for an axis, so also upside down
+LOOKS = ("looks upright", "looks right side up")  # names of the votes: for the axis (up or down), and for its upper end
 TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# An orthogonal basis of the traceless symmetric matrices, in the right, up and back of a camera. At unit vectors, these
-# quadratic forms are the real spherical harmonics of degree two.
+# An orthogonal basis of the traceless symmetric matrices. Their coordinates are right, up and back of a camera. On unit
+# vectors, these quadratic forms are multiples of the real spherical harmonics of degree two.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -58,11 +58,11 @@ FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 class UpProbe:
     """The learned probe for tokens of width D."""
 
-    mean: Float32  # (D,) subtracted from a picture's mean token
+    mean: Float32  # (D,) vector that is subtracted from a picture's mean token
     form: Float32  # (5, D) the map of tokens to coefficients of `FORMS`
     vector: Float32  # (3, D) the map of tokens to coefficients of `VECTORS`
     # (3, 9) log-odds per unit of each of `TERMS`. The rows are for pictures around +y alone, for pictures around all
-    # axes of the file, and for a shape that is not aligned with the file.
+    # axes of the file, and for a shape that is not aligned with the axes of the file.
     odds: Float64
     file_up: float  # prior log-odds of +y
     file_down: float  # prior log-odds of −y
@@ -80,7 +80,7 @@ class UpProbe:
         return form, vector
 
     def terms(self, seen: ViewTokens, ups: Float64, evidence: Float64) -> Float64:
-        """Return the `TERMS` (K, 9) of unit directions `ups` (K, 3), given their `EVIDENCE` (K, 7)."""
+        """Return the `TERMS` (K, 9) of the unit directions `ups` (K, 3), whose `evidence` (K, 7) is given."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
 
@@ -103,8 +103,8 @@ class UpProbe:
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
         """Return the probe in a file that `save` wrote.
 
-        Raises ValueError if the file is truncated, has another format, or contains an array of the wrong array shape or
-        with a number that is not finite. Raises OSError if the file cannot be read.
+        Raises ValueError if the file is truncated or has another format, or if an array has a wrong shape or a number
+        that is not finite. Raises OSError if the file cannot be read.
         """
         arrays, identity = read_learned("UpProbe.load", path, KIND, SHAPES)
         mean, form, vector = (arrays[name].astype(np.float32) for name in ("mean", "form", "vector"))

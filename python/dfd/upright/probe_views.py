@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 PATCHES = 16  # number of the encoder's patches along a picture's side
-SHOWN = 0.3  # tokens are used if the shape covers more than this share of their patch's pixels
+SHOWN = 0.3  # a token is used if the shape covers more than this share of the pixels of its patch
 
 
 def _square(first: float, height: float) -> Float64:
@@ -34,7 +34,7 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # cameras in the middles of a square's sides, and at its corners
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # directions of the middles of a square's sides, and of its corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class ViewTokens:
 
 
 class ProbeCameras:
-    """Render small pictures of a mesh and encode them. Everything that all pictures share is computed once."""
+    """Render small pictures of a mesh and encode them. Data that all pictures need are computed once."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -62,7 +62,7 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Return the tokens of K·E pictures: one from each direction of `eyes` (E, 3) in each of `frames` (K, 3, 3).
+        """Return the tokens of K·E pictures: for each of `frames` (K, 3, 3), one from each direction `eyes` (E, 3).
 
         Raises ValueError if no camera ray hits the mesh.
         """

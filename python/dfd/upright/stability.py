@@ -1,4 +1,4 @@
-"""Measure cues of the surface for the up direction: stable poses, the base, and mirror planes.
+"""Measure cues for the up direction on the surface: stable poses, the base on which a shape stands, and mirror planes.
 
 Stability and base are from Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008).
 """
@@ -18,19 +18,19 @@ from dfd.views.cameras import fibonacci_directions
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # number of surface samples
 REFLECTED = 500  # number of surface samples whose mirror images are compared with the surface
-BASE = 0.03  # vertices up to this height above the lowest vertex are the base, in diagonals of the box
-FACES_UP = 0.9  # normals whose cosine with up is larger face up
-ALIGNED = 1.25  # an axis of the file is a mirror normal if its mirror error is at most this times the smallest one
-LEAST_ERROR = 0.004  # mirror error of an exact mirror plane by the random samples, in diagonals of the box
-LEAST_HEIGHT = 1e-6  # smallest divisor for heights, in diagonals of the box; flat shapes have height 0
+BASE = 0.03  # height of the base above the lowest vertex, as a fraction of the bounding box's diagonal
+FACES_UP = 0.9  # a normal faces up if its cosine with up is larger than this
+ALIGNED = 1.25  # an axis of the file is a mirror normal if its `mirror_error` is at most this times the smallest one
+LEAST_ERROR = 0.004  # `mirror_error` of an exact mirror plane, which is above 0 because samples are random
+LEAST_HEIGHT = 1e-6  # smallest divisor of heights, as a fraction of the box's diagonal; flat shapes have height 0
 DIRECTIONS = 200  # number of candidate normals of mirror planes, over half of the sphere
-RESTS = 4  # number of stable poses that become candidates
-_NEARLY_PARALLEL = np.cos(np.radians(8))  # directions at a smaller angle (a larger cosine) are nearly parallel
+RESTS = 4  # largest number of stable poses that become candidates
+_NEARLY_PARALLEL = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are nearly parallel
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exact normal of a plane, in radians
 
 
 class StabilityCues:
-    """Cues of a surface with `vertices` (V, 3), in any unit, and `faces` (F, 3). One face must have an area."""
+    """Cues of a surface with `vertices` (V, 3) in any unit and `faces` (F, 3). At least one face must have an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
@@ -58,18 +58,18 @@ class StabilityCues:
         mirrored = min(self.mirror_error(right), self.mirror_error(front))
         return np.array(
             [
-                float(stable),
+                float(stable),  # whether the middle of the surface lies above the base
                 float((self.normals @ up > FACES_UP).mean()),
-                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,
+                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # ratio of two areas
                 float((points < height.min() + BASE * self.diagonal).mean()),
                 float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
-                mirrored,
-                self.mirror_error(up),
+                mirrored,  # mirror error of the better upright plane
+                self.mirror_error(up),  # mirror error of the flat plane
             ]
         )
 
     def mirror_error(self, normal: Float64) -> float:
-        """Return the mirror error: the mean distance of mirror images from the surface, in diagonals of the box.
+        """Return the mirror error: the mean distance of mirror images from the surface, divided by the box's diagonal.
 
         The mirror plane has `normal` (3,) and passes through the middle of the surface.
         """
@@ -101,9 +101,9 @@ class StabilityCues:
     def stable_ups(self, frame: Float64) -> Float64:
         """Return the up directions (K, 3) of at most `RESTS` stable poses, no two of them nearly parallel.
 
-        The shape is projected along the first row of `frame` (3, 3), and its outline is the convex hull. In a stable
-        pose, it rests on an edge of the outline, with its middle above the edge. Long edges come first. If there are
-        fewer than `RESTS`, the second and third rows of `frame` are added.
+        The outline is the convex hull of the shape, projected along the first row of `frame` (3, 3). In a stable pose,
+        the shape rests on an edge of the outline, and its middle is above the edge. Poses on long edges come first. If
+        fewer than `RESTS` poses are found, the second and third rows of `frame` are added.
         """
         plane = frame[1:]
         kept: list[Float64] = []
@@ -151,7 +151,7 @@ def _key(normal: Float64) -> tuple[float, ...]:
 
 
 def _resting_ups(outline: Float64, middle: Float64) -> list[Float64]:
-    """Return the inward unit normals (2,) of the edges of `outline` onto which `middle` projects; longest first."""
+    """Return inward normals (2,) of the hull edges of `outline` onto which `middle` projects, longest edge first."""
     hull = _hull_of(outline)
     found = []
     for edge, equation in zip(hull.simplices, hull.equations, strict=True) if hull is not None else ():

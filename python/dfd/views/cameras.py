@@ -13,11 +13,11 @@ from dfd.common.linear_algebra import Bool, Float32, Float64
 
 Framing = Literal["shape", "paper"]
 
-FIELD_OF_VIEW = 60.0  # degrees, as in the paper and the public reference
-PAPER_DISTANCE = 2.8  # distance of cameras from the origin, normalized, as in the paper and the public reference
-MARGIN = 1.06  # width of the picture, divided by that of the shape; the patches at the outline then lie in the picture
+FIELD_OF_VIEW = 60.0  # in degrees, as in the paper and its public code
+PAPER_DISTANCE = 2.8  # distance of cameras from the origin, normalized, as in the paper and its public code
+MARGIN = 1.06  # width of the picture divided by the width of the shape, so that patches at the outline lie inside
 CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the shape's largest extent
-_MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
+_MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])  # signs of x, y, z
 _CHUNK = 1 << 12  # number of points per matrix product, which then fits the processor's cache
 
 
@@ -49,7 +49,7 @@ class Camera:
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Return the camera in the mesh's coordinates, in which the present x, y and z axes are the rows of `frame`."""
+        """Convert the camera to the mesh's coordinates; the rows of `frame` (3, 3) are the present axes x, y and z."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
@@ -65,8 +65,8 @@ class Camera:
 def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
     """Return unit directions (count, 3) at even density on the sphere.
 
-    If `mirrored` is True, they form groups of four that are mirror images in the planes x = 0 and z = 0. If `count` is
-    not a multiple of four, the remaining directions lie in these planes.
+    If `mirrored` is True, the directions form groups of four that are mirror images in the planes x = 0 and z = 0. If
+    `count` is not a multiple of four, the remaining directions lie in these planes.
 
     Raises ValueError if `count` is less than 1.
     """
@@ -87,7 +87,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
 def camera_towards(
     direction: ArrayLike, points: NDArray[np.floating[Any]], *, field_of_view: float = FIELD_OF_VIEW
 ) -> Camera:
-    """Return a camera in `direction` (3,) from the origin whose picture contains all `points` (N, 3).
+    """Return a camera that looks along −`direction` (3,), and whose picture contains all `points` (N, 3).
 
     Raises ValueError if `direction` is 0.
     """
@@ -147,7 +147,7 @@ def _place(
 
 
 def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:
-    """Return the largest scalar product of each of `normals` (K, 3) with any of `points` (N, 3), (K,)."""
+    """Return, for each of `normals` (K, 3), its largest scalar product (K,) with any of `points` (N, 3)."""
     rows = normals.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)
     for start in range(0, len(points), _CHUNK):
@@ -157,7 +157,7 @@ def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float
 
 
 def _basis(direction: Float64, flipped: bool) -> tuple[Float64, Float64, Float64]:
-    """Return right, up and back of an upright camera in `direction` (3,). Straight above, up is −z; below, it is z."""
+    """Return right, up and back of an upright camera in `direction` (3,). If back is +y, up is −z; if −y, up is +z."""
     upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
     right = np.cross(upright, direction)
     right /= np.linalg.norm(right)

@@ -20,7 +20,7 @@ class Hits:
     ray: Int64  # (K,) indices of the rays, ascending
     face: Int32  # (K,) the face that the ray hits
     barycentric: Float32  # (K, 3) weights of the face's corners, at least 0 and with sum 1
-    distance: Float32  # (K,) distance along the ray, in lengths of its direction
+    distance: Float32  # (K,) distance along the ray, divided by the length of the ray's direction
 
     def where(self, chosen: NDArray[np.bool_ | np.integer]) -> Hits:
         """Return the hits that `chosen` selects by a mask (K,) or by indices."""
@@ -60,7 +60,7 @@ class Scene:
     def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
         """Return a mask (N,) of the `points` (N, 3) that the surface hides from `eye` (3,).
 
-        Rays end before their points, by the share `tolerance` of their length. So the surface at a point is not hit.
+        A ray ends before its point, by the fraction `tolerance` of its length, to ignore the surface at the point.
         """
         if len(points) == 0:
             return np.zeros(0, bool)

@@ -42,7 +42,7 @@ class Views:
     face: Int32  # (P,) the face of each point; empty if the points are vertices
     vertices: Float32  # (V, 3) normalized vertices of the rendered surface, which may be a simplified copy
     faces: Int32  # (F, 3) faces of the rendered surface
-    # The normalization maps the center of the box to the origin, and its longest side to [−1, 1].
+    # The normalization maps the center of the bounding box to the origin, and the box's longest side to [−1, 1].
     center: Float64
     scale: float
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) right, up and front, in the mesh's coordinates
@@ -69,9 +69,9 @@ def render(
     Parameters
     ----------
     views, resolution
-        The number of pictures, and the side of each in pixels.
+        The number of pictures, and the side of a picture in pixels.
     framing
-        "shape" fills each picture with the shape; "paper" uses the distance of the paper.
+        "shape" fills each picture with the shape; "paper" places the cameras at the paper's distance.
     mirrored
         Whether cameras form groups of four that are mirror images of each other; see `place_cameras`.
     simplify_to

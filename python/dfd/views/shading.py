@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-AMBIENT, DIFFUSE = 0.6, 0.4  # shares of ambient and diffuse light, as in the public reference
+AMBIENT, DIFFUSE = 0.6, 0.4  # shares of ambient and diffuse light, as in the paper's public code
 _LAYERS = 8  # largest number of transparent surfaces along a ray
 _CANCELLED = 0.2  # an interpolated normal that is shorter than this is unreliable
-_STEP = 1e-4  # a ray continues at this distance behind a transparent surface, normalized
+_STEP = 1e-4  # a ray continues at this normalized distance behind a transparent surface
 
 
 class Shading:
@@ -50,7 +50,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: Float32) -> Float32:
-        """Return the lit color and opacity (K, 4) of each hit, in [0, 1]. `directions` (N, 3) are those of all rays."""
+        """Return the lit color and opacity (K, 4) of each hit, in [0, 1]; `directions` has a row (3,) for each ray."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GRAY, np.float32)
             rgba[:, 3] = 1
@@ -92,11 +92,11 @@ class Shading:
 def facing(
     vertices: Float32,  # (V, 3)
     faces: Int32,  # (F, 3)
-    normals: Float32,  # (V, 3) unit, or zero where unknown
+    normals: Float32,  # (V, 3) unit, or zero if unknown
     hits: Hits,
     directions: Float32,  # (N, 3) unit, of all rays
 ) -> Float32:
-    """Return |n · d| of each hit, (K,), for the normal n and the ray's direction d: 1 if seen face on, 0 if edge on.
+    """Return |n · d| of each hit, (K,), for the normal n and the ray's direction d: 0 if the surface is seen edge on.
 
     The normal is interpolated, or is the face's normal if normals of opposite directions nearly cancel.
     """
