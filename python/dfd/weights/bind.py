@@ -62,13 +62,13 @@ def bind(
     Parameters
     ----------
     features
-        (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. The result of
-        `dfd.compact` is accepted too. Binding it is many times faster, and the weights agree within its tolerance.
+        (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
+        compact features from `dfd.compact`. These are many times faster, and change weights by at most their tolerance.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
-        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight for a region comes
-        from its member with the nearest feature. At most 32 members with distant features are used, and none within a
-        feature distance of 0.001 of another one. They are chosen from at most 8,192 members, evenly spaced in the item.
+        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
+        region comes from the member with the nearest feature. At most 32 members are used: those whose features differ
+        most, and by more than 0.001. They are chosen from at most 8,192 members, evenly spaced in the item.
     fixed
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
@@ -87,7 +87,7 @@ def bind(
         "smooth": x² (3 − 2x), "sharp": x², "root": √x, "sphere": √(x (2 − x)), "constant": 1 if x > 0. Blender's
         proportional editing uses the same names.
     out
-        (V, H) float32 array for the result; None makes a new one. Its rows or its columns must be contiguous.
+        (V, H) float32 array for the result, with contiguous rows or columns; None makes a new array.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
 ) -> tuple[Float32 | None, Int32 | None]:
-    """Return each handle's reach (H,) and index of its falloff (H,); (None, None) for reach 1 and linear falloff."""
+    """Return the reaches (H,) and the indices of the falloffs (H,); (None, None) if all are 1 and "linear"."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
@@ -197,4 +197,4 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
             raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
-    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # above 0 in float32 too
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # above 0 even as float32
