@@ -26,7 +26,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
     """Return two differences (H, 2), at least 0, between the surfaces that a handle moves before and after.
 
     Column 0 is |log(A / B)|, where A and B are the moved fractions of the area of both shapes. Column 1 is the distance
-    between the centers without the signs of their coordinates, so a left part equals its mirror image on the right.
+    between the absolute coordinates of both centers, so a left part equals its mirror image on the right.
     """
     (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
     ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))

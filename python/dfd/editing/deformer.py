@@ -37,7 +37,7 @@ class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
     Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. Adding a
-    handle binds only that handle. With a linear blend, most frames of a drag compute only the handles that move.
+    handle computes only its weights. With a linear blend, most frames of a drag compute only the handles that move.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -148,12 +148,12 @@ class Deformer(History):
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
             The center of rotation and scale: (3,) in mesh units, or a name. "base" is the center of the border between
-            the held part and the rest of the shape. The held part has at least half of the handle's largest weight.
-            "middle" is the middle of this part. "point" is the handle itself, or the center of its region. "plane" is
-            the point of the plane of symmetry nearest to the handle. "hinge" is the middle of the hinge, a line through
-            border points far from the tip. The default is "base" for a limb, and "middle" for any other part. A limb
-            has one border, is longer than 0.75 times its width, and is no wheel. If the part lies on both sides of the
-            plane of symmetry, the default is moved onto the plane. With the preset "paper", the default is "point".
+            the held part and the rest of the shape. The held part has all vertices with at least half of the largest
+            weight. "middle" is the middle of this part. "point" is the handle itself, or the center of its region.
+            "plane" is the point of the plane of symmetry nearest to the handle. "hinge" is the middle of the hinge, a
+            line through border points far from the tip. The default is "base" for a limb, else "middle". A limb has one
+            border, is longer than 0.75 times its width, and is no wheel. If the part lies on both sides of the plane of
+            symmetry, the default is moved onto the plane. With the preset "paper", the default is "point".
         axes
             (3, 3) orthonormal vectors, one per row: the directions of the three factors of `scale`. "normal" is a frame
             whose third vector is the surface's normal at the handle. If left out, these are the axes of the mesh.
@@ -171,7 +171,7 @@ class Deformer(History):
             number is a position from 0 at the base to 1 at the tip.
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
-            It sets `rotation` and `pivot`.
+            `open` sets `rotation` and `pivot`.
         name
             The name for display.
         reach, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
@@ -332,8 +332,7 @@ class Deformer(History):
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the bounding box. "x=0.1" is the plane with this coordinate. "auto" is the plane with the most
-            similar sides.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" has the most similar sides.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane

@@ -26,7 +26,7 @@ class Rules:
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     counterparts: Counterparts = "own_pivot"
-    # pivot: the default pivot of a handle. "auto" is the default in `Deformer.add`, and "point" is the handle itself.
+    # pivot: the default pivot of a handle: "auto" is the base of a limb, else the part's middle; "point" is the handle
     pivot: Literal["auto", "point"] = "auto"
     # equalize: whether the weights of less similar counterparts are raised to those of the handle's own component
     equalize: bool = True

@@ -10,8 +10,8 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
-# Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex moved if its displacement is larger.
-# A handle arrived if its distance from its target is not larger.
+# Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex counts as moved if it moves further.
+# A handle counts as arrived if its distance from its target is not larger.
 VISIBLE = 1e-3
 
 
@@ -21,7 +21,7 @@ class HandleReport:
 
     id: int
     name: str | None
-    vertex: int  # the vertex that stands for the handle: its own, the nearest one, or the middle one of a region
+    vertex: int  # the vertex that stands for the handle: its own, the nearest one, or the central one of a region
     target: Vector  # (3,) position of `vertex` under the handle's transform, mesh units
     landed: Vector  # (3,) posed position of `vertex`, mesh units
     missing: float  # the distance between `target` and `landed`, mesh units

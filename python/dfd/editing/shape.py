@@ -15,8 +15,8 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    In a drag, an edit differs from the previous one only in the transforms of at most half of the handles. A `dfd.Drag`
-    then stores the sum over all other handles, and only the handles that move are computed.
+    If only the transforms of at most half of the handles change, and no blend band, a `dfd.Drag` stores the sum over
+    all other handles. Then only the handles that move are computed.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:

@@ -1,6 +1,6 @@
-"""Change an edit: each method of `Deformer` has a function here that takes an edit and returns the changed edit.
+"""Change an edit: `add`, `move`, `change` and `set_default` do the work of the methods of `Deformer` with these names.
 
-The argument `weights` of these functions also gives the session's mesh, its parts, and the parts that handles hold.
+The argument `weights` also gives the session's mesh, the parts of the mesh, and the parts that handles hold.
 """
 
 from collections.abc import Mapping
@@ -85,7 +85,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) ->
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return the part that `at` names: "part@812", "piece@812" without counterparts, or "part" at `own`; else `at`."""
+    """Return `at`, or the part that this text names: "part@812", "piece@812" (no counterparts) or "part" (at `own`)."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:
@@ -118,7 +118,7 @@ def _of_part(name: str, value: Any) -> bool:
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
     """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
 
-    The default pivot is chosen if the transform rotates or scales, but the transform `before` did neither.
+    The default pivot is chosen at the first rotation or scale (`before` has none), or if the pivot "auto" is given.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)

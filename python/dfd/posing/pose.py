@@ -114,7 +114,7 @@ def pose(
         (3, 4) or (4, 4) default transform D₀, with weight max(1 − Σ W_k, 0); None is the identity.
     symmetry
         The mirror plane. A vertex follows the transforms of the handles on its own side of the plane, and the mirrored
-        transforms of all others. In the plane's `band`, the results of both sides are blended smoothly.
+        transforms of all other handles. In the plane's `band`, the results of both sides are blended smoothly.
     handles
         (H,) vertex indices or (H, 3) positions of the handles. They determine each handle's side of the plane, the
         handles' weights at each other's positions, and the centers of stretches (see `blend`). None means that each

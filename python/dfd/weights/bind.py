@@ -63,7 +63,7 @@ def bind(
     ----------
     features
         (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
-        compact features from `dfd.compact`. These are many times faster, and change weights by at most their tolerance.
+        compact features from `dfd.compact`: binding is then many times faster, and weights stay within the tolerance.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
@@ -73,7 +73,7 @@ def bind(
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
     strength
-        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None is 1 (Eq. 6).
+        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None stands for 1.
     geodesic
         (H, V) distances G along the surface from each handle, in [0, 1]. float32 is read in place.
     locality
@@ -98,9 +98,9 @@ def bind(
     is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
     masked, a tensor requires gradients, or `out` has another array shape or type.
 
-    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; the paper has r = 1
+    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
     and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
-    W_ip = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
+    W_ip = max(1 − ‖Z_i − Z_p‖, 0); in the paper, s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
         raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")

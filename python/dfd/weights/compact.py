@@ -73,7 +73,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` gives the same entries."""
+        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` maps them to the entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
