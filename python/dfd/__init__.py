@@ -58,7 +58,7 @@ __all__ = [
 # Experimental names: they may change with any version.
 __all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
 
-# Modules of names that are imported when the name is first used, because they import torch, trimesh or SciPy. So
+# The module of each name that is imported when the name is first used, because it imports torch, trimesh or SciPy. So
 # `import dfd` and `dfd --help` are fast.
 _LAZY = {
     "Deformer": "dfd.editing.deformer",

@@ -162,7 +162,7 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
 # Messages with which dfd may refuse a shape: no area, no vertex in a region, or handles that are too similar.
 REFUSALS = re.compile(
     "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|"
-    "cannot move|must leave handle|must lie at distinct places|must be free places|"
+    "cannot move|must leave handle|must lie at distinct places|must be at unused places|"
     "the surface has no normal|as wide as it is long"
 )
 

@@ -1,6 +1,6 @@
-"""The command line. Each command has a file of its own, which calls the functions of the Python interface.
+"""The command line. Each command has a file of its own, and calls the functions of the Python interface.
 
-Commands import slow modules, such as torch and trimesh, when they run. So `dfd --help` starts quickly.
+Slow modules, such as torch and trimesh, are imported only when a command runs. So `dfd --help` starts quickly.
 """
 
 import atexit
@@ -41,7 +41,7 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def root(
-    version: Annotated[  # only its callback is used
+    version: Annotated[  # the function ignores it, and the callback prints the version
         bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:

@@ -13,7 +13,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 def app(
     mesh: Annotated[
-        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; by default a start page.")
+        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; else a start page opens.")
     ] = None,
     field: options.MadeField = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.")] = None,
@@ -21,10 +21,10 @@ def app(
     preset: options.Preset = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, Option(min=0, max=65535, help="The port of the server; by default 8765, or a free one.")
+        int | None, Option(min=0, max=65535, help="The server's port; by default 8765, or a free one if that is used.")
     ] = None,
     host: Annotated[
-        str, Option(help="The address of the server; other machines can connect unless it is the default.")
+        str, Option(help="The address of the server. With the default, other machines cannot connect.")
     ] = "127.0.0.1",
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:

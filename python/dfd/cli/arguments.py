@@ -1,4 +1,4 @@
-"""Open the meshes, fields, sessions and places that arguments name, and check the files to write."""
+"""Open the meshes, fields and places that command-line arguments name, and check that output files can be written."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def open_field(
     preset: Preset | None = None,
     progress: bool | Stages = True,
 ) -> Field:
-    """Load the field of `mesh` from the file `field`, or distill it. `force` accepts the field of another shape.
+    """Load the field of `mesh` from the file `field`; None distills it. `force` accepts the field of another shape.
 
     Raises the errors of `Field.load` and `dfd.distill`.
     """
@@ -47,7 +47,7 @@ def open_field(
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh, with an edit if one is given. `how` are keyword arguments of `open_field`."""
+    """Open a session of a mesh, with the edit if it is not None. `how` are keyword arguments of `open_field`."""
     from dfd import Deformer, load
 
     with stages.stage("read"):
@@ -61,10 +61,10 @@ def open_session(
 
 
 def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = None) -> Place:
-    """Return the place that `text` names on `mesh` (`dfd.editing.points.find`). With a session, it may name a part.
+    """Return the place that `text` names on `mesh` (`dfd.editing.points.find`).
 
-    Unless the text is a vertex index, print what it names. Raises ValueError with the name of `option` if the text
-    names no place.
+    With a session, the text may name a part. If the text is no vertex index, also print the place that was found.
+    Raises ValueError with the name of `option` if the text names no place.
     """
     from dfd.editing.points import find
     from dfd.editing.verbs import place_of
@@ -85,7 +85,7 @@ def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = No
 
 
 def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
-    """Add handles and fixed points to a session. A text of `fix` may end with `:` and a strength; the default is 1."""
+    """Add handles and fixed points to a session. A text of `fix` may end with a strength, as in "812:0.5"."""
     for text, given in handles:
         session.add(find_place("--handle", text, session.mesh, session), **given)
     for text in fix or ():
@@ -99,8 +99,8 @@ def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
     """Check, before slow work begins, that the file `path` can be written.
 
-    Raises ValueError with the name of `option` if `path` has none of the `endings`. Raises OSError as `atomic_write`
-    does, or if no file can be written to the folder.
+    Raises ValueError with the name of `option` if `path` has none of the `endings`. Raises OSError if no file can be
+    written to the folder, or `path` exists and is no regular file.
     """
     if path is None:
         return
@@ -115,7 +115,7 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
 
 
 def file_in(output: Path, source: Path) -> Path:
-    """Return `output`, or if it is a folder, the file in it with the name of `source`.
+    """Return `output`. If `output` is a folder, return the file with the name of `source` in this folder.
 
     Raises ValueError if the result is `source` itself.
     """

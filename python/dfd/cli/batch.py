@@ -37,13 +37,13 @@ def batch(
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
-    edit: Annotated[list[Path] | None, Option(metavar="JSON", help="An edit for every shape; repeatable.")] = None,
+    edit: Annotated[list[Path] | None, Option(metavar="JSON", help="An edit for all shapes; repeatable.")] = None,
     made_on: Annotated[
         list[Path] | None,
         Option(
             metavar="MESH",
-            help="The mesh of each --edit, with its field NAME.field.safetensors in the same folder; by default the"
-            " files that the edits name.",
+            help="The mesh on which each --edit was made, with its field NAME.field.safetensors in the same folder; by"
+            " default the files that the edits name.",
         ),
     ] = None,
     threshold: options.Threshold = None,
@@ -58,9 +58,9 @@ def batch(
     ] = None,
     threads: Annotated[int, Option(min=1, help="Threads for each shape.")] = 1,
     gpus: Annotated[float, Option(min=0.0, help="GPUs for each shape; with 0.25, four shapes share one GPU.")] = 0.0,
-    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop a shape after this time.")] = None,
+    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Stop work on a shape after this time.")] = None,
     address: Annotated[
-        str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster at auto, HOST:PORT or ray://HOST:PORT.")
+        str | None, Option(metavar="ADDRESS", help="Run on a Ray cluster: auto, HOST:PORT or ray://HOST:PORT.")
     ] = None,
     retry: Annotated[bool, Option("--retry", help="Also process shapes that failed before.")] = False,
 ) -> None:
@@ -71,7 +71,7 @@ def batch(
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
     if workers is not None and address is not None:
-        raise ValueError("`--workers` is for this machine: the cluster of `--address` decides by itself")
+        raise ValueError("`--workers` must not be given with `--address`: the cluster sets the number of workers")
     if timeout is not None:
         check.number(None, "--timeout", timeout, minimum=0.0, exclusive=True)
 
@@ -89,7 +89,7 @@ def batch(
     chosen = ([] if preset is None else [f"preset={preset}"]) + (distill or [])
     try:
         settings = BatchSettings(
-            steps=tuple(steps),  # type: ignore[arg-type]  # checked there
+            steps=tuple(steps),  # type: ignore[arg-type]  # `BatchSettings` checks them
             encoder=encoder,
             distill=_distill_settings(chosen, "distill" in steps),
             device="cuda" if gpus else "cpu",
@@ -120,7 +120,7 @@ def batch(
 
 
 def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, ...]:
-    """Return the sources of the edits, and check each edit with its mesh and its field.
+    """Return the sources of the edits, and check that each edit can be read with its mesh and its field.
 
     Raises ValueError if an edit does not belong to its mesh, or two edits have the same name. Raises OSError if a file
     cannot be read.
@@ -136,14 +136,14 @@ def _edit_sources(edits: list[Path], made_on: list[Path]) -> tuple[EditSource, .
 
 
 def _listed(texts: list[str]) -> list[str]:
-    """Return all values of an option that is repeated or has several values, separated by commas."""
+    """Return all values of a repeatable option. Each of its `texts` may have several values, separated by commas."""
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
 def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     """Return all settings of the step distill. Each text, such as views=12, changes one setting.
 
-    Raises ValueError if a setting is unknown or out of its range, or if there are texts without that step.
+    Raises ValueError if a setting is unknown or out of its range, or if there are `texts` but the step is not `wanted`.
     """
     from dfd.distillation.settings import DistillSettings
 

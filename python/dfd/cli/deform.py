@@ -32,13 +32,13 @@ def deform(
         Option(
             metavar="FIELD",
             help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
-            " (by default that of each shape). Missing fields are read from the cache or distilled.",
+            " (by default the shape's folder). Missing fields come from the cache, or are distilled.",
         ),
     ] = None,
     preset: options.Preset = None,
     handle: Annotated[
         str | None,
-        Option(metavar=options.PLACE, help="The place of a handle; repeatable, each with the options that follow it."),
+        Option(metavar=options.PLACE, help="The place of a handle, before the options of this handle; repeatable."),
     ] = None,
     name: Annotated[str | None, Option(metavar="TEXT", help="The name of the handle in the edit.")] = None,
     fix: options.Fix = None,
@@ -47,16 +47,16 @@ def deform(
     ] = None,
     band: Annotated[
         float | None,
-        Option(metavar="WIDTH", help="Half width of the band that blends both sides, mesh units; 0: hard cut."),
+        Option(metavar="WIDTH", help="Half width of the band in which both sides blend, mesh units; 0: no band."),
     ] = None,
     symmetry_candidates: Annotated[
-        str | None, Option(metavar="any|axes", help="Planes that --symmetry auto considers; axes: as in the paper.")
+        str | None, Option(metavar="any|axes", help="Planes that --symmetry auto tries; axes: as in the paper.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
         Option(
             metavar="ε|relative",
-            help="Largest score of planes of --symmetry auto; by default relative to the spread of the features.",
+            help="Largest score of a plane for --symmetry auto; by default relative to the spread of the features.",
         ),
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
@@ -68,14 +68,14 @@ def deform(
         bool,
         Option(
             "--force",
-            help="Accept a field or an edit of another shape. With several shapes, also deform those with a low"
-            " confidence; the sheet marks them as unsure.",
+            help="Accept a field or an edit of another shape. Of several shapes, also deform those with a low"
+            " confidence; the picture marks them as unsure.",
         ),
     ] = False,
     encoder: options.Encoder = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; for several shapes a folder."),
+        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; for several shapes, a folder."),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="A picture of each shape before and after.")] = None,
     azimuth: options.Azimuth = None,
@@ -84,7 +84,7 @@ def deform(
     save_edit: Annotated[Path | None, Option(metavar="JSON", help="Write the edit, to use it with --edit.")] = None,
     **described: Any,
 ) -> None:
-    """Deform MESH by handles from options, an edit, or both; or deform several shapes by one edit.
+    """Deform MESH by handles from options, from an edit, or from both. Or deform several shapes by one edit.
 
     On several shapes, each handle moves to the most similar place. Shapes without similar places are left out.
     """

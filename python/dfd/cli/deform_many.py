@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-    FieldOf = Callable[[Path, Mesh], Field]  # returns the field of the mesh of a file
+    FieldOf = Callable[[Path, Mesh], Field]  # returns the field for a file and its mesh
 
 CELL = 280  # width and height of a picture on the sheet, pixels
-PICTURES_IN_A_ROW, SHAPES_ON_A_SHEET = 6, 60  # each shape has two pictures
+PICTURES_IN_A_ROW, SHAPES_ON_A_SHEET = 6, 60  # with two pictures of each shape
 SOME_LEFT_OUT = 1  # exit code
 
 
@@ -57,7 +57,7 @@ def deform_many(
     from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
-        """Return the field from the folder `--field` or that of the mesh, or from the cache, or distill it."""
+        """Read the field from its file. If there is no file, read it from the cache, or distill it."""
         path = field_path(file, fields)
         return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
 
@@ -102,7 +102,7 @@ def deform_many(
 
 
 def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path | None) -> None:
-    """Check, before slow work begins, the names of all files, and that they can be written."""
+    """Check, before slow work begins, that all files have valid and distinct names, and can be written."""
     taken: dict[str, Path] = {}
     for file in files:
         if file.suffix.lower() not in MESH_ENDINGS:

@@ -23,7 +23,7 @@ def distill(
     cache: Annotated[bool, Option("--cache/--no-cache", help="Use the cached field if it exists.")] = True,
     **settings_given: Any,
 ) -> None:
-    """Distill the features of an image encoder into a field of MESH. Needed once per shape."""
+    """Distill the features of an image encoder into a field of MESH. Do this once per shape."""
     check_output("--output", output, (".safetensors",))
 
     given = {name: value for name, value in settings_given.items() if value is not None}
@@ -40,7 +40,7 @@ def distill(
 
 
 def _option(name: str) -> Any:
-    """Return the annotation of the option for a setting: its type, its description and its default values."""
+    """Return the annotation of the option for the setting `name`: type, description and default values."""
     field = DistillSettings.model_fields[name]
     kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
     kind = kinds[0] if kinds[0] in (bool, int, float) else str

@@ -26,10 +26,10 @@ def say(text: str, *, result: bool = False) -> None:
 
 
 class CommandGroup(TyperGroup):
-    """A group of commands whose errors are one line each."""
+    """A group of commands that prints each error as one line."""
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, *rest: Any, **options: Any) -> Any:
-        """Run a command and leave the process with its exit code."""
+        """Run a command, and exit the process with the exit code of the command."""
         options["standalone_mode"] = False
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
@@ -48,7 +48,7 @@ class CommandGroup(TyperGroup):
             except ValueError as error:
                 code = _fail(str(error), BAD_INPUT)
             except Exception as error:
-                # Usage errors of Typer have this method. Their class has another name in each version of Typer.
+                # Only usage errors of Typer have this method. The name of their class depends on the version of Typer.
                 if not hasattr(error, "format_message"):
                     raise
                 usage = one_line(error.format_message()).replace("Value error, ", "")
@@ -72,15 +72,15 @@ class CommandGroup(TyperGroup):
             raise _Interrupted(*stop.args) from None
 
 
-# Parameters of commands, by the names of the Python arguments that they set, if both names differ.
+# Python arguments, and the parameters of commands that set them, if both names differ.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
-PATHS = {"load": "MESH", "Field.load": "--field"}  # what the command line calls the argument `path` of a function
-CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages with a function
-REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # in Python, here
+PATHS = {"load": "MESH", "Field.load": "--field"}  # the option for the argument `path` of a Python function
+CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages that begin with a function
+REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by names in Python
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:
-    """Return the message of a Python function with the names of command-line options in place of its arguments."""
+    """Return the message `said` of a Python function with command-line options in place of its arguments."""
     known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
 
     def option(name: str) -> str:

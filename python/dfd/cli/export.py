@@ -16,7 +16,7 @@ def export(
     edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
     output: Annotated[
         Path | None,
-        Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file, or .obj, .ply, .stl or .off for baked."),
+        Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file; if baked, also .obj, .ply, .stl or .off."),
     ] = None,
     form: Annotated[
         Literal["skin", "morph", "baked"] | None,
@@ -59,7 +59,7 @@ def export(
     moments = () if poses is None else read_key_poses(poses)
     session = open_session(mesh, field, stages, edit, preset, force=force)
     if output is not None:
-        form_for(session.mesh, output, form)  # raises an error before the work begins
+        form_for(session.mesh, output, form)  # raises an error before slow work begins
     with stages.stage("features", len(session.mesh.vertices)) as advance:
         session.prepare(advance)
     if output is not None:

@@ -14,10 +14,10 @@ HANDLES = "dfd.handles"  # key in the context of a command, for the options of e
 
 
 class HandlesCommand(TyperCommand):
-    """A command with several handles, each with options of its own. The value of an option may be several numbers."""
+    """A command that accepts several handles with their options. The value of an option may be several numbers."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Store the options of each handle, and parse all others. The first handle also has the options before it.
+        """Store the options of each handle, and parse all other options. Options before the first handle belong to it.
 
         Raises ValueError if an option of a handle has the wrong number of values.
         """
@@ -71,7 +71,7 @@ def value_of(value: Any) -> Any:
 
 def _value(flag: str, metavar: str, rest: list[str]) -> str:
     """Remove the value of an option from the beginning of `rest`; several numbers become one text such as 1,2,3."""
-    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # numbers have upper-case names
+    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # a number's metavar is in upper case
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     if numbers not in counts and not is_text:

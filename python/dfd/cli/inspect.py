@@ -86,7 +86,7 @@ def parts(
     resolution: options.Resolution = 768,
     force: options.Force = False,
 ) -> None:
-    """Cut MESH into its parts: regions that look alike, end at creases, and would move together."""
+    """Cut MESH into its parts, such as legs and wheels: regions that end at creases, and that a handle would move."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
 

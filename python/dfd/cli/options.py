@@ -1,4 +1,4 @@
-"""Options that several commands share, and options for the controls, motions and settings of tables."""
+"""Options that several commands share, and functions that make options from tables, such as `CONTROLS`."""
 
 from collections.abc import Callable, Mapping
 from inspect import Parameter, signature
@@ -11,7 +11,7 @@ from dfd.common.described import About
 from dfd.common.preset import Preset as PresetName
 from dfd.editing.presets import PRESETS
 
-# Placeholder, in the help, of the place of a handle.
+# In the help, this stands for the place of a handle.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
@@ -32,7 +32,7 @@ Fix = Annotated[
     Option(metavar="PLACE[:S]", help="Fix this place and its counterparts, with a strength S from 0 to 1; repeatable."),
 ]
 Encoder = Annotated[
-    str, Option(metavar="NAME", help="The encoder: a known name, a folder with weights, or a name on the hub.")
+    str, Option(metavar="NAME", help="The encoder: a known name, a weights folder, or a name on the Hugging Face hub.")
 ]
 Threshold = Annotated[
     float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")
@@ -42,13 +42,13 @@ Azimuth = Annotated[
     Option(help="Azimuth of the first view, degrees from +z to +x; by default the camera faces the handles."),
 ]
 Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Elevation of the camera, degrees.")]
-Zoom = Annotated[float, Option(min=0.01, help="Magnification; above 1 it is centered at the handles.")]
+Zoom = Annotated[float, Option(min=0.01, help="Magnification; above 1, the handles are at the center.")]
 Views = Annotated[int, Option(min=1, max=36, help="Number of views around the shape.")]
 Resolution = Annotated[int, Option(min=16, max=8192, help="Width and height of each picture, pixels.")]
 
 
 def add_options(command: Callable[..., None], annotations: Mapping[str, Any], after: str) -> None:
-    """Replace the `**` keywords of `command` by options with the default None, after its parameter `after`."""
+    """Replace the `**` keywords of `command` by options with the default None, behind the parameter named `after`."""
     own = [each for each in signature(command, eval_str=True).parameters.values() if each.kind is not each.VAR_KEYWORD]
     index = 1 + [each.name for each in own].index(after)
     own[index:index] = [
@@ -60,7 +60,7 @@ def add_options(command: Callable[..., None], annotations: Mapping[str, Any], af
 
 
 def from_table(table: Mapping[str, About]) -> dict[str, Any]:
-    """Return the annotation of an option for each field in `table`. The help shows the default of each preset."""
+    """Return an option's annotation for each entry of `table`. The help shows the default of each preset."""
     return {name: _row(name, about) for name, about in table.items()}
 
 
@@ -77,7 +77,7 @@ def _row(name: str, about: About) -> Any:
 
 
 def by_preset(default: Any, *paper: Any) -> str:
-    """Return the text for an option's default in the help, such as "0.5; paper: 0", from the values of both presets."""
+    """Return an option's default for the help, such as "0.5; paper: 0", from the values of the presets."""
     return "; paper: ".join(map(_shown, dict.fromkeys((default, *paper))))
 
 

@@ -23,7 +23,7 @@ def show(
         list[str] | None,
         Option(
             metavar=options.PLACE,
-            help="Show the weights of a handle at this place; without --field, mark it; repeatable.",
+            help="Show the weights of a handle at this place, or without --field, mark the place; repeatable.",
         ),
     ] = None,
     fix: options.Fix = None,

@@ -1,4 +1,4 @@
-"""Estimate the probability that the handles of a transferred edit move the same parts as the original handles."""
+"""Estimate the probability that each handle of a transferred edit moves the part that the original handle moves."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
 
-MOVED = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by it
+MOVED = 0.5  # a handle moves the vertices with at least this fraction of its largest weight
 # A logistic regression gives the log-odds that two parts correspond: INTERCEPT − AREA_SLOPE · a − DISTANCE_SLOPE · d.
 # `differences` returns a and d. `python -m bench.training.learn_agreement` computes the constants from 1,892 handles
 # that were transferred between rigs.
@@ -23,10 +23,10 @@ def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
 
 
 def differences(before: Deformer, after: Deformer) -> Float64:
-    """Return two differences (H, 2) between the surfaces that each handle moves in both sessions, both at least 0.
+    """Return two differences (H, 2), at least 0, between the surfaces that a handle moves before and after.
 
-    Column 0 is the difference between the logarithms of their fractions of the shape's area. Column 1 is the distance
-    between their centers. It ignores the signs of the coordinates, so a left part equals its mirror image on the right.
+    Column 0 is |log(A / B)|, where A and B are the moved fractions of the area of both shapes. Column 1 is the distance
+    between the absolute coordinates of both centers, so a left part equals its mirror image on the right.
     """
     (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
     ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))
@@ -34,7 +34,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) relative to the box."""
+    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) in units of the diagonal."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))

@@ -35,7 +35,7 @@ class Controls(Brief):
     reach: Annotated[
         Reach,
         About(
-            'Feature distance at which the weight is 0 (1 in Eq. 5); with "part", the weight ends with the part.',
+            'Feature distance at which the weight is 0 (1 in Eq. 5). With "part", weights end at the part\'s border.',
             0.0,
             LARGEST,
             exclusive=True,
@@ -46,8 +46,8 @@ class Controls(Brief):
     falloff: Annotated[
         Falloff,
         About(
-            "Curve from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, sphere or "
-            "constant.",
+            "Curve of the weight from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, "
+            "sphere or constant.",
             metavar="CURVE",
         ),
     ] = DEFAULTS.falloff
@@ -65,7 +65,7 @@ class Controls(Brief):
         float | None,
         About(
             "Replaces locality: the distance along the surface at which the weight smoothly reaches 0, in mesh units "
-            "or % of the box's diagonal.",
+            "or % of the bounding box's diagonal.",
             0.0,
             exclusive=True,
             metavar="R|P%",
@@ -101,7 +101,7 @@ class Controls(Brief):
     mask_feather: Annotated[
         float,
         About(
-            "Width over which the weight fades to 0 outside the mask, in mesh units or % of the box's diagonal.",
+            "Width over which the weight fades to 0 outside the mask, mesh units or % of the bounding box's diagonal.",
             0.0,
             LARGEST,
             metavar="W|P%",
@@ -124,13 +124,13 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """Return the controls that change the weights of the handle. All other controls have their defaults."""
+        """Return a copy with only the controls that change weights. All other controls get their defaults."""
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:
-        """Return the controls with those `given` values that are not None. `radius` and `locality` reset each other.
+        """Return the controls with the `given` values; a value of None changes nothing.
 
-        Raises ValueError as `Controls` does.
+        A new `radius` resets `locality`, and a new `locality` resets `radius`. Raises ValueError as `Controls` does.
         """
         parts = {name: value for name, value in given.items() if value is not None}
         if "radius" in parts and "locality" not in parts:
@@ -142,7 +142,7 @@ class Controls(Brief):
         return replace(self, **parts) if parts else self
 
 
-# The help of the command line needs these descriptions, so this module must not import SciPy or pydantic (slow).
+# The command-line help needs this table, so this module imports neither SciPy nor pydantic: both import slowly.
 CONTROLS = {name: said for name, (_, said) in about(Controls).items() if said is not None}
 
 
@@ -152,7 +152,7 @@ def controls_of(preset: Preset) -> Controls:
 
 
 def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the controls that a caller gave to arguments of `Controls.changed`; controls that are None are left out.
+    """Convert the `given` controls to arguments of `Controls.changed`. Controls that are None are left out.
 
     Lengths are converted to mesh units, `mask` to a region, and `excluded_counterparts` to places on `mesh`.
 
@@ -187,7 +187,7 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 def length_on(mesh: Mesh, name: str, value: Any) -> float:
     """Return the length `value` of the control `name` in mesh units.
 
-    `value` is a number in mesh units, or a text such as "20%", a percentage of the diagonal of the mesh's box.
+    `value` is a number in mesh units, or a text such as "20%": a percentage of the diagonal of the bounding box.
 
     Raises ValueError if `value` is neither a number nor such a text, or is out of the control's bounds.
     """

@@ -37,11 +37,11 @@ class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
     Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. Adding a
-    handle binds only that handle. With a linear blend, each frame of a drag computes only the handles that move.
+    handle computes only its weights. With a linear blend, most frames of a drag compute only the handles that move.
 
-    Every change is one step, and `undo` takes back any number of steps. With `merge=True`, a change joins the previous
-    step if that step changed the same handle, place or setting. A drag is one move without `merge` and then moves with
-    `merge`, so that `undo` takes back the whole drag.
+    Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
+    previous step if that step changed the same handle, place or setting. For a drag, make the first move without
+    `merge` and all others with `merge`: then one call of `undo` takes back the whole drag.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ class Deformer(History):
     features
         (V, D) features of the vertices, or their compact form from `dfd.compact`. The session then evaluates the field
         only at handles and fixed points that are points in space. If left out, the session evaluates the field when it
-        first needs features. With the preset "default", it then compacts the features of more than 16,384 vertices. On
-        samples, this changes weights by at most 0.01 (`features.error`).
+        first needs features. With the preset "default", it compacts the features if there are more than 16,384
+        vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
         Whether to accept a field of another shape.
 
@@ -83,7 +83,7 @@ class Deformer(History):
         self.field = check.field("Deformer", field)
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
-        self.bound = HandleWeights(self.mesh, field, features)  # for programs that show weights and their data
+        self.bound = HandleWeights(self.mesh, field, features)  # weights and parts, for programs that show them
         self._posed = PosedShape(self.mesh, self.bound)
         self._start(Edit(preset=preset))
 
@@ -112,7 +112,7 @@ class Deformer(History):
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, each with False if `excluded_counterparts` excludes it, else True.
 
-        The first is the place of the handle itself. The others are in order of decreasing similarity.
+        The first counterpart is at the handle itself. The others are in order of decreasing similarity.
 
         Raises ValueError if there is no such handle.
         """
@@ -148,35 +148,35 @@ class Deformer(History):
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
             The center of rotation and scale: (3,) in mesh units, or a name. "base" is the center of the border between
-            the held part and the rest of the shape. "middle" is the middle of that part. "point" is the handle itself,
-            or the center of its region. "plane" is the point of the plane of symmetry nearest to the handle. "hinge" is
-            the middle of the hinge, a line through border points far from the tip. If left out, the pivot of a limb is
-            its base. A limb has one border with the rest, is longer than 0.75 of its width, and is no wheel. The pivot
-            of any other part is its middle. If the part lies on both sides of the plane of symmetry, its default pivot
-            is moved onto the plane. With the preset "paper", the pivot is the handle itself.
+            the held part and the rest of the shape. The held part has all vertices with at least half of the largest
+            weight. "middle" is the middle of this part. "point" is the handle itself, or the center of its region.
+            "plane" is the point of the plane of symmetry nearest to the handle. "hinge" is the middle of the hinge, a
+            line through border points far from the tip. The default is "base" for a limb, else "middle". A limb has one
+            border, is longer than 0.75 times its width, and is no wheel. If the part lies on both sides of the plane of
+            symmetry, the default is moved onto the plane. With the preset "paper", the default is "point".
         axes
             (3, 3) orthonormal vectors, one per row: the directions of the three factors of `scale`. "normal" is a frame
             whose third vector is the surface's normal at the handle. If left out, these are the axes of the mesh.
         bend, towards
             `bend` is the angle in degrees by which the tip of the held part rotates. The rotation grows along the
-            part's axis, and every cross-section moves rigidly. `towards` is the direction in which the tip moves: "up",
-            "down", "left", "right", "front", "back" or a vector (3,). The default is up, or front if the part is
-            upright. `bend` may also be a rotation vector (3,). Each counterpart bends along its own axis. Bend and
-            twist are applied before scale, rotation and translation.
+            part's axis, from base to tip, and every cross-section moves rigidly. `towards` is the direction in which
+            the tip moves: "up", "down", "left", "right", "front", "back" or a vector (3,). The default is "up", or
+            "front" if the part is upright. `bend` may also be a rotation vector (3,). Each counterpart bends along its
+            own axis. Bend and twist are applied before scale, rotation and translation.
         twist
             Angle in degrees by which the tip rotates about the part's axis.
         joint
             The position of bend and twist on the axis. "spread", the default, distributes them over the whole length.
-            "auto" is the strongest bend or the narrowest place, "here" is the position of the handle. A number is a
-            position from 0 at the base to 1 at the tip.
+            "auto" is the place where the resting part is bent or narrow. "here" is the place nearest to the handle. A
+            number is a position from 0 at the base to 1 at the tip.
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
-            It sets `rotation` and `pivot`.
+            `open` sets `rotation` and `pivot`.
         name
             The name for display.
         reach, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
             The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
-            `mask="part"` is the part at the handle.
+            With `mask="part"`, the mask is the part at the handle.
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
@@ -193,7 +193,8 @@ class Deformer(History):
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
-        Weights do not change.
+        `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
+        The band becomes wider if a translation, rotation or scale moves the border further.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -234,7 +235,7 @@ class Deformer(History):
 
     @public
     def apply(self, edit: Edit, *, merge: bool = False) -> None:
-        """Replace all handles, fixed points and settings, also the preset, by those of `edit`, as one step.
+        """Replace all handles, fixed points and settings, including the preset, by those of `edit`, as one step.
 
         `Edit()` removes everything.
 
@@ -248,8 +249,8 @@ class Deformer(History):
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
-        `at` is as in `add`. If it is a region, the result is the part at the vertex of the region nearest to its
-        center. `level` and `alike` are as in `dfd.Parts.part`.
+        `at` is as in `add`. If `at` is a region, the result is the part at one vertex: the one that is nearest to the
+        region's center. `level` and `alike` are as in `dfd.Parts.part`.
 
         Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
@@ -290,10 +291,11 @@ class Deformer(History):
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Hold a point or a region in place, and all surface that looks like it (Eq. 6).
 
-        `at` is as in `add`. `strength`, in [0, 1], multiplies the weight that the fixed point subtracts; 1 is Eq. 6.
+        `at` is as in `add`. The weights that the fixed point subtracts from those of handles are multiplied by
+        `strength`, in [0, 1]; Eq. 6 has no such factor.
 
-        Raises ValueError if `at` is no place, or already has a handle or a fixed point. Raises ValueError if `strength`
-        lies outside [0, 1]. With the preset "default", raises ValueError if a handle would keep no weight.
+        Raises ValueError if `at` is no place, or a handle or a fixed point is already there. Raises ValueError if
+        `strength` lies outside [0, 1], or with the preset "default", a handle would have no weight at its own place.
         """
         place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
@@ -324,14 +326,13 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry: every handle also acts on the other side of it, mirrored (Eq. 8).
+        """Set the plane of symmetry: every handle also acts mirrored, on the other side of the plane (Eq. 8).
 
         Parameters
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the box. "x=0.1" is such a plane at another coordinate. "auto" is the plane with the most
-            similar sides.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" has the most similar sides.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane
@@ -346,7 +347,7 @@ class Deformer(History):
         if plane is not None:
             plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
         elif any(value is not None for value in how.values()):
-            raise ArgumentError("candidates", "and `threshold` are for the plane auto, got None")
+            raise ArgumentError("candidates", "and `threshold` can only be given if `plane` is 'auto', got None")
         self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
 
     @property
@@ -356,20 +357,19 @@ class Deformer(History):
 
     @public
     def set_default(self, *, merge: bool = False, **given: Any) -> None:
-        """Set D₀ of Eq. 1, the transform of vertices without weights. Without arguments, it is the identity.
+        """Set D₀ of Eq. 1, the transform of vertices without weights. Without arguments, D₀ is the identity.
 
         The arguments are `translation`, `rotation` and `scale` of `add`, and `pivot` and `axes` as numbers. If left
-        out, the pivot is the center of the box.
+        out, the pivot is the center of the bounding box.
 
         Raises ValueError if an array has a wrong shape, or a number is not finite.
         """
         self._commit(verbs.set_default(self.edit, self.bound, given), "default", merge)
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Evaluate the field at all vertices now. Otherwise, this happens when their features are first needed.
+        """Evaluate the field at all vertices now, and not when their features are first needed.
 
-        This is the only slow step of a session. `progress` is called with the number of vertices evaluated since its
-        last call.
+        `progress` is called repeatedly, each time with the number of vertices that were evaluated since the last call.
         """
         self.bound.rows.prepare(progress)
 
@@ -380,12 +380,12 @@ class Deformer(History):
 
     @property
     def weights(self) -> Float32:
-        """Return the weights (V, H) of the handles by features (Eq. 4 to 7), in the order of `handles`, read-only."""
+        """Return the weights (V, H) of the handles from features (Eq. 4 to 7), in the order of `handles`, read-only."""
         return self.bound.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
-        """Return the weights (V, H) with which vertices follow handles, summed over the counterparts that move."""
+        """Return the weights (V, H) with which vertices follow handles: sums over the counterparts that move."""
         return self.bound.following(self.edit)
 
     @property
@@ -430,12 +430,12 @@ class Deformer(History):
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
         A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape: its
-        places are also found by their positions, and lengths do not change. `dfd.editing.transfer` instead transfers an
-        edit by features.
+        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. Places
+        of such an edit are also found by their positions, and lengths do not change. To transfer an edit by features,
+        use `dfd.editing.transfer` instead.
 
-        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or an edit of another shape; the
-        message names the key and the value found there.
+        Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
+        The message names the key in the file and its value.
         """
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))

@@ -1,6 +1,6 @@
 """An edit of a shape as one immutable value: handles, fixed points, symmetry, default transform and preset.
 
-`Deformer` keeps one edit for each step, and pydantic converts an edit to a file (`dfd.editing.edit_file`).
+`Deformer` keeps one edit for each step. `dfd.editing.edit_file` writes an edit to a file and reads it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
 
-MOST_LINEAR = 30.0  # largest rotation of a handle, in degrees, that is blended linearly; it thins a part by 3 %
+MOST_LINEAR = 30.0  # largest rotation, in degrees, that is blended linearly; at 30°, the blend thins a part by 3 %
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,8 +38,8 @@ class Handle(Brief):
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
-    # id: never changes, and no other handle gets it, even after this handle is removed
-    id: Annotated[int, About("Number of the handle. If it is missing, the handle gets the smallest free number.", 1.0)]
+    # id: never changes. In one session, no other handle gets this id, even after this handle is removed.
+    id: Annotated[int, About("Number of the handle; by default the smallest that no handle of the file has.", 1.0)]
     place: Place  # on the resting shape
     transform: Transform = field(default_factory=Transform)
     controls: Controls = field(default_factory=Controls)
@@ -65,10 +65,10 @@ class Handle(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Fixed(Brief):
-    """A fixed point or region: it stays in place, and so does all surface that looks like it (Eq. 6)."""
+    """A point or region that stays in place, together with all surface that looks like it (Eq. 6)."""
 
     place: Place
-    strength: Annotated[float, About("Factor of the weight that it subtracts; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
+    strength: Annotated[float, About("Factor of the subtracted weights; with 1, Eq. 6 is unchanged.", 0.0, 1.0)] = 1.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -94,7 +94,7 @@ class Edit(Brief):
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: the plane of symmetry, or None. In a file, "x", "y" or "z" is perpendicular to that axis.
+    # symmetry: in a file also "x", "y" or "z": the plane perpendicular to this axis, through the center of the box
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"
@@ -114,18 +114,18 @@ class Edit(Brief):
             taken[place.key] = named
         for fixed in self.fixed:
             if fixed.place.key in taken:
-                already = f"{fixed.place} is {taken[fixed.place.key]} already"
-                raise ArgumentError("fixed", f"must be free places, but {already}", "Edit")
-            taken[fixed.place.key] = "fixed"
+                used = f"{fixed.place} is already used by {taken[fixed.place.key]}"
+                raise ArgumentError("fixed", f"must be at unused places, but the place {used}", "Edit")
+            taken[fixed.place.key] = "a fixed point"
 
     @property
     def rules(self) -> Rules:
-        """Return the values of the preset."""
+        """Return the settings of the preset."""
         return PRESETS[self.preset]
 
     @property
     def blending(self) -> Blend:
-        """Return the `blend` for `dfd.pose`. Dual quaternions keep the thickness of parts under large rotations."""
+        """Return the argument `blend` of `dfd.pose`. Dual quaternions keep parts thick under large rotations."""
         angles = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
         large = self.rules.blend == "auto" and max(angles, default=0.0) > MOST_LINEAR
         return "dual_quaternion" if large else "linear"
@@ -156,10 +156,10 @@ class Edit(Brief):
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
-    """Return `edit` with its places converted to places on `mesh`, and check its regions.
+    """Return `edit` with all places converted to places on `mesh`, and check that its masks contain vertices.
 
-    `place` is a function that converts one place; the default is `place_on`. Its arguments are the path of the place in
-    the document, and the place. Raises ValueError if `mesh` lacks a vertex or a region.
+    The function `place` converts one place. Its first argument is the key of this place in an edit file, such as
+    "fixed[0]". The default is `place_on`. Raises ValueError if `mesh` has no vertex for a place or a mask.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -183,9 +183,9 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 
 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
-    """Return `edit` with another preset, and with its reach, falloff and counterparts in every handle.
+    """Return `edit` with another `preset`, which also sets the reach, falloff and counterparts of every handle.
 
-    The plane of symmetry gets the preset's band. Raises ValueError if the preset is unknown.
+    The plane of symmetry gets the band of the preset. Raises ValueError if the preset is unknown.
     """
     controls = PRESETS[check.choice("Edit", "preset", preset, Preset)].handle
     handles = (replace(handle, controls=replace(handle.controls, **controls)) for handle in edit.handles)
@@ -212,14 +212,14 @@ def symmetry_on(
 
     With a `field`, the text "auto" gives the plane with the most similar sides. `candidates` and `threshold` are
     arguments of `symmetry_planes`; if left out, they are those of the preset. `band`, in mesh units, replaces the
-    plane's own band. Without it, a plane from a text has the preset's band.
+    plane's own band. If `band` is left out, a plane from a text has the preset's band.
 
-    Raises ValueError if `plane` is neither a plane nor such a text, "auto" finds none, or the plane does not cut the
-    shape. Raises ValueError if `band` is negative or not finite.
+    Raises ValueError if `plane` is neither a plane nor such a text, "auto" finds no plane, or the plane does not cut
+    the shape. Raises ValueError if `band` is negative or not finite.
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):
-        raise ArgumentError("candidates", f"and `threshold` are for the plane auto, got {plane!r}")
+        raise ArgumentError("candidates", f"and `threshold` can only be given if `plane` is 'auto', got {plane!r}")
     if band is None and isinstance(plane, str):
         band = band_on(mesh, preset)
     if plane == "auto" and field is not None:
@@ -243,11 +243,11 @@ def symmetry_on(
     low, high = float(heights.min()), float(heights.max())
     if low > plane.band or high < -plane.band:
         raise ArgumentError(
-            "plane", f"must pass through the shape, whose signed distances from it are {low:.3g} to {high:.3g}"
+            "plane", f"must cut the shape, but all vertices lie {low:.3g} to {high:.3g} from it (signed distance)"
         )
     return plane
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Return the center (3,) of the bounding box, mesh units. It is the default pivot of the default transform."""
+    """Return the center (3,) of the bounding box, in mesh units: the pivot of D₀ (`Edit.default`) if none is given."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

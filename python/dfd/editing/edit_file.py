@@ -39,13 +39,13 @@
       "default": null
     }
 
-Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. The
-document's `preset` gives the values of all other keys that are left out (`dfd.editing.presets`). Unknown keys, repeated
-keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
+Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All
+other keys of these objects have defaults, some of which depend on `preset` (`dfd.editing.presets`). Unknown keys,
+repeated keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
 
-`vertex` is used if that vertex lies at `position`, or if there is no `position` and `mesh` describes the same mesh. On
+`vertex` is used if it lies at `position`, or if there is no `position` and `mesh` does not describe another mesh. On
 another resolution, the vertex may lie elsewhere; `position` is then used, as a point in space. The keys of a handle's
-place, transform and controls lie in the handle itself. pydantic derives the rest of the document from `Edit`.
+place, transform and controls are written directly in the handle's object. pydantic derives all other keys from `Edit`.
 """
 
 import json
@@ -77,13 +77,13 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-# Largest distance, as a fraction of the diagonal, between equal corners of the boxes of two resolutions of one shape.
+# Two bounding boxes count as those of one shape up to this distance of their corners, as a fraction of the diagonal.
 SAME_BOX = 0.05
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units of lengths and angles. No other units are accepted."""
+    """The units of lengths and angles in the file. Other values are errors."""
 
     length: Literal["mesh"] = "mesh"
     angle: Literal["degree"] = "degree"
@@ -105,7 +105,7 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """The files of the mesh and its field. Paths are relative for files in the folder of the edit, else absolute."""
+    """The files of the mesh and its field. Paths of files in the folder of the edit are relative, others absolute."""
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -134,12 +134,12 @@ def _keys(owner: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(owner) if each.init)
 
 
-# Fields whose keys, in a file, lie in the object of the handle or fixed point itself, not in an object of their own.
+# Fields of a handle or fixed point that have no object of their own in a file: their keys lie in the handle itself.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
-# Keys of a handle's transform that the default transform lacks.
+# Keys of a handle's transform that need the handle's part, so that the default transform lacks them.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # first keys of a file, for readability
-# Keys that are not written. Excluded counterparts are points without a region; the default transform moves no part.
+# Keys that are not written: excluded counterparts have no region, and the default transform has no part.
 UNWRITTEN: dict[str, Any] = {
     "handles": {"__all__": {"controls": {"excluded_counterparts": {"__all__": {"region"}}}}},
     "default": set(OF_HELD_PARTS),
@@ -164,7 +164,7 @@ def edit_schema() -> dict[str, Any]:
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
-    """Write `edit`, made on `mesh`, to `path`. If `field` was read from a file, also write the paths of both files.
+    """Write `edit`, made on `mesh`, to `path`. If `field` has a file, also write the paths of its file and the mesh's.
 
     Raises OSError if `path` cannot be written; an existing file then stays unchanged.
     """
@@ -174,7 +174,7 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
         files = {"mesh": _path_for(folder, mesh.source), "field": _path_for(folder, source.path)}
         document["made_on"] = files | {"field_sha256": source.sha256}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    # Put each list of numbers on one line. Texts are unchanged, because texts in JSON contain no raw line break.
+    # Put each list of numbers on one line. The pattern needs a line break, which a text in JSON never contains.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
     write_file(path, text)
 
@@ -185,8 +185,8 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = F
     A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
     with a warning if the file names another mesh. `other_shape` also accepts an edit of another shape.
 
-    Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or an edit of another shape;
-    the message names the key and the value found there.
+    Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape. The
+    message names the key in the file and its value.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path), other_shape=other_shape)
 
@@ -194,7 +194,7 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = F
 def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
     """Return the files of the mesh and the field on which the edit in `path` was made, and the field's SHA-256.
 
-    Each is None if the document lacks it. The files need not exist. Raises OSError or ValueError as `read_edit` does.
+    A value that the document lacks is None. The files need not exist. Raises OSError or ValueError as `read_edit` does.
     """
     made_on = _validated(_parsed(path), os.fspath(path)).made_on or MadeOn()
     mesh, field = (None if each is None else Path(path).parent / each for each in (made_on.mesh, made_on.field))
@@ -246,7 +246,7 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
     for key in ("handles", "fixed"):
         document[key] = [_spread(entry) for entry in document[key]]
-    for key in ("score", "relative_score"):  # the search for planes computes them; an edit has no use for them
+    for key in ("score", "relative_score"):  # results of the search for planes, which posing does not need
         (document["symmetry"] or {}).pop(key, None)
     return document
 
@@ -256,13 +256,13 @@ def _values(edit: Edit) -> dict[str, Any]:
 
 
 def _spread(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return a handle or fixed point with the keys of its place, transform and controls in the entry itself."""
+    """Return `entry`, a handle or fixed point, with the keys of its place, transform and controls directly in it."""
     named = {key: entry.pop(key) for key in ("id", "name") if key in entry}
     return named | {key: value for group in SPREAD for key, value in entry.pop(group, {}).items()} | entry
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit", other_shape: bool = False) -> Edit:
-    """Return the edit in a parsed JSON document, as `read_edit` does. Messages begin with `name`."""
+    """Return the edit in a parsed JSON document, as `read_edit` does. Error messages begin with `name`."""
     said = _validated(document, name, mesh)
     made = said.mesh
     with called(name):
@@ -299,7 +299,7 @@ def _moved(mesh: Mesh, said: Place) -> bool:
 
 
 def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
-    """Return the place on `mesh` for the place `said` at the key `path` of a document; `made` describes its mesh."""
+    """Return the place on `mesh` for the place `said`, at the key `path` of a document made on the mesh `made`."""
     if said.region is not None:
         with within(f"{path}.region"):
             return place_on(mesh, said.region)
@@ -321,7 +321,7 @@ def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
 
 
 def _check_shape(mesh: Mesh, made: MadeFor) -> None:
-    """Raise ValueError if the mesh on which the edit was made has another bounding box than `mesh`."""
+    """Raise ValueError if the bounding boxes of `mesh` and of the mesh `made`, on which the edit was made, differ."""
     if made.bounds is None or made.hash == mesh.content_hash:
         return
     was, now = np.asarray(made.bounds), np.asarray(mesh.bounds)
@@ -335,7 +335,7 @@ def _check_shape(mesh: Mesh, made: MadeFor) -> None:
 
 
 def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
-    """Check a document, and return its edit. The places are those of the document, not yet places on `mesh`."""
+    """Check a document, and return its edit. The places are not yet converted to places on `mesh`."""
     if not isinstance(document, dict):
         raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
     for key, value in (("format", EditFile.format), ("version", EditFile.version)):
@@ -350,7 +350,7 @@ def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
-    """Return the document with defaults, and with an object for each place, transform and controls, for pydantic."""
+    """Return the document as pydantic expects it: with defaults, and with objects for places, transforms, controls."""
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     whole = dict(document)
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
@@ -369,7 +369,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
 
 
 def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
-    """Return a handle or fixed point with `defaults`, an id of `free` if it has none, and an object for each group."""
+    """Return a handle or fixed point with `defaults`, an object for each of `groups`, and if needed an id of `free`."""
     if not isinstance(entry, dict):
         return entry
     given = {**defaults, **entry}
@@ -379,7 +379,7 @@ def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], fre
     return given | grouped
 
 
-# Steps of pydantic's path to a value that are no keys of a document: members of unions, and the groups of `SPREAD`.
+# Words in pydantic's path to a value that are no keys of the document: types of a union, and the keys of `SPREAD`.
 TAGS = {"float", "str", *SPREAD, *(each.kind for each in get_args(Region)), "SymmetryPlane"}
 PHRASES = {  # patterns in pydantic's messages, and the words that replace them
     "be a dictionary or a counterpart of .*": "be an object",
@@ -391,9 +391,9 @@ PHRASES = {  # patterns in pydantic's messages, and the words that replace them
 
 
 def _reported(error: ValidationError) -> tuple[str, str]:
-    """Return the key and the reason of the first error, in this package's terms."""
+    """Return the key of the first error, and its reason in the words of this package."""
     errors = error.errors(include_url=False)
-    # A union has an error for each member: report the longest path, and for a text the error that lists the words.
+    # A union has an error for each of its types: report the longest path, and for a text the error with its choices.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),
@@ -413,7 +413,7 @@ def _reported(error: ValidationError) -> tuple[str, str]:
         known = edit_schema()
         for key in (step for step in steps[:-1] if isinstance(step, str) and step not in TAGS):
             owners = re.findall(r"\$defs/(\w+)", json.dumps(known["properties"][key]))
-            known = edit_schema()["$defs"][owners[0]] if len(owners) == 1 else {}  # a region may be of several kinds
+            known = edit_schema()["$defs"][owners[0]] if len(owners) == 1 else {}  # a region has several types
         return _path(steps), "is an unknown key" + (f"; known are {', '.join(known['properties'])}" if known else "")
     must = re.sub(r"^\w+ should ", "", first["msg"])
     for theirs, ours in PHRASES.items():
@@ -424,7 +424,7 @@ def _reported(error: ValidationError) -> tuple[str, str]:
 def _path(steps: Iterable[int | str]) -> str:
     path, before = "", ""
     for step in steps:
-        # Tags are left out. "vertices" is the tag of a set of vertices, but a key of the document in `mesh.vertices`.
+        # `TAGS` are left out. "vertices" is the tag of a vertex set, but a key of the document in `mesh.vertices`.
         tag = step in TAGS or (isinstance(step, str) and "[" in step)
         if not (tag and path) or (step == "vertices" and before == "mesh"):
             path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step

@@ -1,4 +1,4 @@
-"""Undo and redo without limit: all states of an edit are kept. They are small, because they share unchanged values."""
+"""Undo and redo without limit: all states of an edit are kept. Unchanged values are shared, so a state is small."""
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
@@ -14,8 +14,8 @@ class History:
     def __init__(self, start: Edit) -> None:
         self._states = [start]
         self._now = 0
-        self._floor = 0  # index of the oldest state that `undo` reaches while a `step` is open
-        self._topic: Hashable = None  # topic of the newest step, for later steps with the same topic
+        self._floor = 0  # index of the oldest state that `undo` can reach: inside `step`, the state at its beginning
+        self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None joins no step
 
     @property
     def edit(self) -> Edit:
@@ -23,9 +23,9 @@ class History:
         return self._states[self._now]
 
     def _record(self, state: Edit, topic: Hashable = None, merge: bool = False) -> None:
-        """Make `state` the present one and discard undone steps; a state equal to the present one adds no step.
+        """Make `state` the present state, and discard undone steps. A state that equals the present one adds no step.
 
-        With `merge`, the state replaces the newest step if that step has the same `topic`.
+        With `merge`, `state` replaces the result of the newest step if that step has the same `topic`.
         """
         joins = merge and topic is not None and topic == self._topic
         if state != self.edit:
@@ -60,9 +60,9 @@ class History:
 
     @contextmanager
     def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
-        """Record all changes in the block `with deformer.step():` as one step. If one of them fails, undo them all.
+        """Record all changes in the block `with deformer.step():` as one step. If the block raises, undo them all.
 
-        With `merge`, the step joins the previous step if that step has the same `topic`, which must not be None.
+        With `merge`, this step joins the previous step if both have the same `topic`, which must not be None.
         """
         start, floor, before, about = self._now, self._floor, list(self._states), self._topic
         self._floor, self._topic = start, None

@@ -21,8 +21,8 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# The axis (x, y, z are 0, 1, 2) and the sign of the direction of each word. Left is the side on the left of a viewer in
-# front of the shape.
+# The direction of each word: the index of an axis, and a sign. A viewer in front of the shape sees its "left" on the
+# left.
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
@@ -36,8 +36,8 @@ class Place(Brief):
     Raises ValueError if it has no vertex, position or region, or a number is out of its bounds.
     """
 
-    # position: (3,) in mesh units; for a region, the center of its bounding box. A file may leave it out; it is then
-    # `NOWHERE` until `place_on` finds it on a mesh.
+    # position: (3,) in mesh units; for a region, the center of its bounding box. If a file has no position, it is
+    # `NOWHERE` until `place_on` computes it on a mesh.
     position: Annotated[Vector, Written(Vector | None)] = NOWHERE
     vertex: int | None = None  # index of the vertex at the position, or None
     # region: the set of vertices, or None for a single point
@@ -61,7 +61,7 @@ class Place(Brief):
 
     @property
     def key(self) -> Hashable:
-        """Return a key for comparisons: a vertex and a point at the same position have equal keys."""
+        """Return a key for comparisons. A vertex and a point at the same position have equal keys."""
         return (self.position, self.region) if self.known else self
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ class Found(NamedTuple):
     """The place that a text names on a mesh."""
 
     place: Place
-    note: str  # one line for users: the vertex and its distance, or the number of vertices
+    note: str  # one line for users, such as "top is vertex 812" or "x>0 is 140 vertices"
 
 
 def place_on(mesh: Mesh, at: Any) -> Place:
@@ -84,8 +84,8 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     `at` is a vertex index, a point (3,) in mesh units on or off the surface, an array of vertex indices, a mask (V,)
     of bool, a region, a text (see `find`), or a `Place`. The vertex and the region of a `Place` refer to this mesh.
 
-    Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if a point lies
-    farther from the shape than the diagonal of its box.
+    Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if the distance of a
+    point from the nearest vertex exceeds the diagonal of the bounding box.
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region
@@ -107,13 +107,13 @@ def place_on(mesh: Mesh, at: Any) -> Place:
 
 
 def find(mesh: Mesh, text: str) -> Found:
-    """Return the place that `text` names on `mesh`, with a line that describes it.
+    """Return the place that `text` names on `mesh`, with a line that describes the place.
 
-    `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
+    `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to this point. `top`, `bottom`, `left`, `right`, `front` and
     `back` are the vertices farthest in these directions (up is +y, front is +z, right is +x). `part:NAME` is a part of
-    the mesh's scene. `group:NAME` contains the faces after a `g`, `o` or `usemtl` line of an OBJ file. `material:NAME`
-    is all surface of one material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a ball, and
-    `box:x,y,z,x,y,z` is a box with these two corners. `component@812` is the connected component at vertex 812.
+    the mesh's scene. `group:NAME` contains the faces after the line `g NAME`, `o NAME` or `usemtl NAME` of an OBJ file.
+    `material:NAME` is all surface of one material. `x>0.5` and `y<0` are sides of a plane. `ball:x,y,z,radius` is a
+    ball. `box:x,y,z,x,y,z` is a box with these two corners. `component@812` is the connected component at vertex 812.
 
     Raises ValueError if `text` names no place of the mesh; the message gives the expected forms.
     """
@@ -152,7 +152,7 @@ def _region_in(mesh: Mesh, said: str) -> Region | None:
     if said.startswith("component@"):
         at = find(mesh, said.removeprefix("component@")).place
         vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
-        from dfd.geometry.coarse import nodes_of  # slow to import, and not needed for the help of the command line
+        from dfd.geometry.coarse import nodes_of  # imported here, because it is slow and `dfd --help` does not need it
 
         nodes = nodes_of(mesh)
         component = nodes.component[nodes.of_vertex]
@@ -182,7 +182,7 @@ def _region_in(mesh: Mesh, said: str) -> Region | None:
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     """Return the vertex nearest to `point`, and its distance in mesh units.
 
-    Raises ValueError if the distance exceeds the diagonal of the mesh's box, because the point then misses the shape.
+    Raises ValueError if the distance exceeds the diagonal of the bounding box.
     """
     squares = np.square(mesh.vertices - np.asarray(point)).sum(axis=1)
     vertex = int(squares.argmin())

@@ -1,6 +1,6 @@
 """The defaults of each preset, for sessions, the command line, the app, Blender and edit files.
 
-The help of the command line needs them, so this module must import fast: it imports neither SciPy nor pydantic.
+This module imports neither SciPy nor pydantic, so that `dfd --help` starts quickly.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from dfd.symmetry.plane import DEFAULT_BAND
 from dfd.weights.bind import Falloff
 
 LARGEST = 1e38  # largest coordinate or control, because the kernels compute with 32-bit floats
-PARTLESS_REACH = 0.7  # the feature distance that replaces the reach "part" on a shape without parts, such as a ball
+PARTLESS_REACH = 0.7  # the reach, a feature distance, that replaces "part" on a shape without parts, such as a ball
 
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]
 Reach = float | Literal["part"]
@@ -20,29 +20,29 @@ SymmetryCandidates = Literal["any", "axes"]
 
 @dataclass(frozen=True)
 class Rules:
-    """The settings in which the presets differ. The defaults of the fields are the preset "default"."""
+    """The settings in which the presets differ. The default values of the fields are those of the preset "default"."""
 
-    # reach, falloff, counterparts: controls of a new handle. A single number for reach would be too wide for an ear or
-    # too narrow for a leg. A linear falloff would pull the surface into a sharp tip.
+    # reach, falloff, counterparts: controls of a new handle
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     counterparts: Counterparts = "own_pivot"
-    # pivot: the pivot of a handle if none is given. "auto" is explained in `Deformer.add`, "point" is the handle.
+    # pivot: the default pivot of a handle: "auto" is the base of a limb, else the part's middle; "point" is the handle
     pivot: Literal["auto", "point"] = "auto"
     # equalize: whether the weights of less similar counterparts are raised to those of the handle's own component
     equalize: bool = True
-    # overlap, blend: arguments of `dfd.pose`; the blend "auto" is linear up to rotations by 30° (`Edit.blending`)
+    # overlap, blend: arguments of `dfd.pose`. "auto" is "linear" up to rotations by 30° (`Edit.blending`).
     overlap: Literal["add", "paper"] = "add"
     blend: Literal["auto", "linear"] = "auto"
-    # reach_targets: whether a handle gets back the weight that fixed points subtract at the handle itself (Eq. 6)
+    # reach_targets: whether each handle fully reaches its target: the weight that fixed points subtract at the handle
+    # itself (Eq. 6) is restored
     reach_targets: bool = True
-    # exact_distances: whether the distances along the surface (Eq. 7) start only at the handle, stay on its connected
-    # component and use all vertices. Otherwise, they also start at its mirror image, cross small gaps and use samples.
+    # exact_distances: whether distances along the surface (Eq. 7) start only at the handle, do not cross gaps, and use
+    # all vertices. If False, distances start at the handle and its mirror image, may cross small gaps, and use samples.
     exact_distances: bool = False
     # band: half width of the band in which both sides of a mirror plane are blended, as a fraction of the longest side
-    # of the bounding box. Eq. 8 has 0.
+    # of the bounding box. In Eq. 8, there is no band: the value is 0.
     band: float = DEFAULT_BAND
-    # candidates, threshold: candidates of symmetry "auto", as in `dfd.symmetry_planes`
+    # candidates, threshold: arguments of `dfd.symmetry_planes` for the symmetry "auto"
     candidates: SymmetryCandidates = "any"
     threshold: float | Literal["relative"] = "relative"
 
@@ -54,7 +54,7 @@ class Rules:
 
 PRESETS: dict[Preset, Rules] = {
     "default": Rules(),
-    # Exactly Eq. 1 and Eq. 4 to 8. The candidate planes and their threshold ε are those of section 3.3.3.
+    # Exactly Eq. 1 and Eq. 4 to 8. The candidate planes and their threshold ε are those of the paper's section 3.3.3.
     "paper": Rules(
         reach=1.0,
         falloff="linear",

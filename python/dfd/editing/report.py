@@ -10,8 +10,8 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
-# Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex that moves by less counts as unmoved.
-# A handle that is nearer to its target counts as arrived.
+# Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex counts as moved if it moves further.
+# A handle counts as arrived if its distance from its target is not larger.
 VISIBLE = 1e-3
 
 
@@ -21,14 +21,14 @@ class HandleReport:
 
     id: int
     name: str | None
-    vertex: int  # the vertex whose motion is measured: the handle's own, or the one nearest to it
-    target: Vector  # (3,) position of that vertex under the handle's transform, mesh units
-    landed: Vector  # (3,) posed position of that vertex, mesh units
+    vertex: int  # the vertex that stands for the handle: its own, the nearest one, or the central one of a region
+    target: Vector  # (3,) position of `vertex` under the handle's transform, mesh units
+    landed: Vector  # (3,) posed position of `vertex`, mesh units
     missing: float  # the distance between `target` and `landed`, mesh units
-    arrived: bool  # whether `missing` is below 0.1 % of the bounding-box diagonal, which is too small to see
+    arrived: bool  # whether `missing` is at most 0.1 % of the bounding-box diagonal, which is too small to see
     mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
     counterparts: int  # number of counterparts that move about their own pivots; 1 if all share one pivot
-    along_with: tuple[int, ...] = ()  # ids of other handles that also move it, because its part lies in theirs
+    along_with: tuple[int, ...] = ()  # ids of other handles that also move this handle, whose part lies in theirs
 
     def __str__(self) -> str:
         """Return the result in a few words."""
@@ -47,14 +47,14 @@ class HandleReport:
 class Report:
     """The result of an edit."""
 
-    moved: float  # fraction of vertices that moved by more than 0.1 % of the diagonal of the box
+    moved: float  # fraction of vertices that moved by more than 0.1 % of the bounding-box diagonal
     farthest: float  # largest distance that a vertex moved, mesh units
     handles: tuple[HandleReport, ...]  # result of each handle
-    warning: str | None  # the reason if nothing moved, else None
-    advice: str | None = None  # sentence about handles whose scale flattens or mirrors; None if there are none
+    warning: str | None  # the reason why nothing moved, or None if a vertex moved
+    advice: str | None = None  # a sentence about handles whose scale flattens or mirrors; None if no scale does
 
     def __repr__(self) -> str:
-        """Return the sentence."""
+        """Return the class name with the sentence of `__str__`."""
         return f"Report({str(self)!r})"
 
     def __str__(self) -> str:
@@ -114,7 +114,7 @@ def _transformed(matrix: Float64, point: Float64) -> Float64:
 
 
 def _advice(edit: Edit) -> str | None:
-    """Return a sentence about handles whose scale flattens or mirrors; None if there are none."""
+    """Return a sentence about handles whose scale flattens or mirrors; None if no scale does."""
     scales = {f"handle {handle.id}": handle.transform.scale for handle in edit.handles}
     flat = [name for name, scale in scales.items() if 0.0 in scale]
     mirrored = [name for name, scale in scales.items() if np.prod(scale) < 0]

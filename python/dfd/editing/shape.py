@@ -15,19 +15,19 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    If successive edits differ only in the transforms of some handles, at most half of all, a `dfd.Drag` stores the sum
-    over all other handles. Then only the handles that move are computed.
+    If only the transforms of at most half of the handles change, and no blend band, a `dfd.Drag` stores the sum over
+    all other handles. Then only the handles that move are computed.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
-        """Pose `mesh` with `weights`; `bands_of` is as in `HandleWeights.columns`."""
+        """Pose `mesh` with `weights`. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
         self._mesh = mesh
         self._weights = weights
         self._bands_of = bands_of
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: Drag | None = None
-        self._moving: dict[int, list[Column]] = {}  # by handle: its columns, which `_drag` can move
+        self._moving: dict[int, list[Column]] = {}  # the columns of each handle that `_drag` moves, by its index
 
     def of(self, edit: Edit) -> Float64:
         """Return the posed vertices (V, 3) of `edit` in mesh units, read-only."""
@@ -59,7 +59,7 @@ class PosedShape:
             return self._mesh.vertices  # nothing moves, so the weights are not needed
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
-            return bent  # handles only bend and twist their parts
+            return bent  # handles only bend and twist the parts that they hold
         weights, columns = self._weights.columns(edit, self._bands_of)
         return pose(bent, weights, **self._arguments(edit, columns))
 
@@ -76,11 +76,11 @@ class PosedShape:
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
-    """Return the indices of handles whose transforms differ; None if the edits differ in anything else."""
+    """Return the indices of the handles whose transforms differ; None if the edits differ in anything else."""
     if len(before.handles) != len(after.handles) or _without_handles(before) != _without_handles(after):
         return None
     if HandleWeights.allocating(before) != HandleWeights.allocating(after):
-        return None  # a component may now follow another handle
+        return None  # a leg or another component of a part may now follow another handle
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if (old.place, old.controls, _bend(old)) != (new.place, new.controls, _bend(new)):
@@ -91,7 +91,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
 
 
 def _bend(handle: Handle) -> tuple[Any, ...] | None:
-    """Return the values that bend and twist the held part before handles are blended; None if they do nothing."""
+    """Return a handle's bend, twist and joint, which move vertices before the blend; None if they move nothing."""
     transform = handle.transform
     return (transform.bend, transform.twist, transform.joint) if transform.bends else None
 
@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    If displacements add linearly and there is no D₀, handles at rest change no vertex, so the key leaves them out.
+    If displacements are added and there is no D₀, handles at rest move no vertex, so the key leaves them out.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

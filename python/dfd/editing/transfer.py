@@ -1,4 +1,4 @@
-"""Transfer an edit from one shape to another shape of its class: handles move to the most similar places."""
+"""Transfer an edit to another shape of the same class, such as chairs: handles move to the most similar places."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,14 +22,14 @@ from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
-# All vertices whose feature distance exceeds the smallest one by at most this number are candidates. The candidate at
-# the most similar position is chosen, because features hardly distinguish a left leg from a right leg.
+# A handle moves to one of several candidates: vertices whose feature distance exceeds the smallest one by at most this
+# number. The most similar position is chosen, because features hardly distinguish a left leg from a right leg.
 CANDIDATE_MARGIN = 0.1
-MOST_POSITIONS = 2048  # at most this many vertices of a set are transferred, chosen at even strides
+MOST_POSITIONS = 2048  # at most this many vertices of a set are transferred, evenly spaced in the set
 SAMPLE = 4096  # number of surface samples from which the mean feature of a shape is computed
-# The settings in which two fields must agree, so that their features can be compared.
+# The settings in which two fields must agree. Otherwise, their features cannot be compared.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
-TOO_SHORT = 1e-4  # a feature that is nearer to the mean feature than this distance counts as equal to the mean
+TOO_SHORT = 1e-4  # features within this distance of the mean feature count as equal to it; their similarities are 0
 
 Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 
@@ -38,7 +38,7 @@ Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 class Transferred:
     """An edit on another shape, and how similar its places are to the places on the first shape.
 
-    A similarity, in [0, 1], is the cosine between two features after subtraction of each shape's mean feature.
+    A similarity, in [0, 1], is the cosine between two features, from which the means of their shapes are subtracted.
     """
 
     edit: Edit  # the edit on the other mesh
@@ -48,15 +48,14 @@ class Transferred:
 
 @public
 def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
-    """Transfer `edit` from one shape to another shape of its class.
+    """Transfer `edit` from the shape `mesh_from` to the shape `mesh_to`, which should be of the same class.
 
     A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
-    the vertex with the most similar position in the box. The mean feature of each shape is subtracted first, because it
-    describes the style of the whole shape. Lengths, such as translations and radii, are multiplied by the ratio of the
-    longest sides. Rotations and scales do not change. Balls, boxes and half spaces are scaled and translated with the
-    bounding box. Of a vertex set, at most 2,048 vertices are transferred one by one. Parts and groups keep their names.
-
-    `edit` was made on `mesh_from`. Both fields must be distilled with the same encoder.
+    the one with the most similar position in the bounding box. The mean feature of each shape is subtracted first,
+    because it describes the style of the whole shape. Lengths, such as translations and radii, are multiplied by the
+    ratio of the longest sides of both boxes. Rotations and scales do not change. Balls, boxes and half spaces are
+    scaled and translated with the box. At most 2,048 vertices of a vertex set are transferred, one by one. Parts and
+    groups keep their names.
 
     Raises ValueError if the fields have different encoders, two handles move to the same vertex, or a region contains
     no vertex of `mesh_to`.
@@ -75,7 +74,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
 
 
 class EditTransfer:
-    """Transfer edits from one shape to another."""
+    """Transfer edits from one shape to another; `transfer` explains the rules."""
 
     def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
@@ -85,7 +84,7 @@ class EditTransfer:
         self.ratio = float(field_from.scale) / float(field_to.scale)
 
     def of(self, edit: Edit) -> Transferred:
-        """Return `edit` on the other shape."""
+        """Return `edit` on the other shape, with similarities."""
         handles, similarity = [], {}
         for handle in edit.handles:
             place, similarity[handle.id] = self.place(handle.place)
@@ -127,19 +126,19 @@ class EditTransfer:
         return self.scaled(region, self.point)
 
     def handle(self, handle: Handle, place: Place) -> Handle:
-        """Return `handle` on the other shape, at `place`. The distance to its pivot is scaled by the ratio of sizes."""
+        """Return `handle` at `place` on the other shape. The vector from handle to pivot is scaled to that shape."""
 
         def moved_pivot(pivot: Vector) -> Vector:
             offset = np.subtract(pivot, handle.place.position)
             return vector("pivot", np.asarray(place.position) + self.ratio * offset)
 
         mask = handle.controls.mask and self.region(handle.controls.mask)
-        # Excluded counterparts are removed, because they are places of the first shape.
+        # Counterparts that do not move are not transferred, because they are places on the first shape.
         controls = replace(self.scaled(handle.controls, moved_pivot), excluded_counterparts=(), mask=mask)
         return replace(handle, place=place, transform=self.scaled(handle.transform, moved_pivot), controls=controls)
 
     def scaled(self, value: Scaled, move: Callable[[Vector], Vector]) -> Scaled:
-        """Return `value` with its lengths multiplied by the ratio of sizes, and its positions mapped by `move`."""
+        """Return `value` with its lengths multiplied by `self.ratio`, and its positions mapped by `move`."""
         found: dict[str, Any] = {}
         owner: type = type(value)
         for name, (_, said) in about(owner).items():
@@ -156,7 +155,7 @@ class EditTransfer:
         return float(np.dot(on_plane, plane.normal))
 
     def nearest(self, positions: Float64) -> tuple[Int64, Float64]:
-        """Return the vertices (N,) most similar to at most `MOST_POSITIONS` of `positions`, and the cosines (N,)."""
+        """Return for each of at most `MOST_POSITIONS` positions the most similar vertex, (N,), and its cosine, (N,)."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
@@ -172,7 +171,7 @@ class EditTransfer:
 
     @cached_property
     def lengths(self) -> Float64:
-        """Return the distances (V,) of the vertices' features from the mean feature; infinity if one is too short."""
+        """Return the distances (V,) of all features from the mean feature; those below `TOO_SHORT` become infinite."""
         offset = self.mean_to
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
@@ -181,13 +180,13 @@ class EditTransfer:
 
     def products(self, row: Float64) -> Float64:
         """Return the dot products (V,) of the vertices' features with a unit vector `row` (D,)."""
-        # The reach is the largest distance between unit features, so that each weight determines its distance.
+        # Unit features differ by at most 2. With a reach of 2, a weight is therefore 1 − distance / 2.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
 def _mean(mesh: Mesh, field: Field) -> Float64:
-    """Return the mean feature (D,) of a surface."""
+    """Return the mean feature (D,) of surface samples; 0 for a mesh without area."""
     if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)
     points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))

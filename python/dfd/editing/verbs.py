@@ -1,6 +1,6 @@
-"""Change an edit: each function takes an edit and the arguments of a method of `Deformer`, and returns a new edit.
+"""Change an edit: `add`, `move`, `change` and `set_default` do the work of the methods of `Deformer` with these names.
 
-`weights` are those of the session. They also give the mesh, its parts and the parts that handles hold.
+The argument `weights` also gives the session's mesh, the parts of the mesh, and the parts that handles hold.
 """
 
 from collections.abc import Mapping
@@ -58,7 +58,7 @@ def change(
 
 
 def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
-    """Return `edit` with the `given` values as default transform D₀, or with None if they move nothing."""
+    """Return `edit` with the default transform D₀ of the `given` values; the identity is stored as None."""
     check.keywords(given, MOTIONS, "motion")
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
         raise TypeError(f"{unknown.pop()!r} needs the part that a handle holds, but the default transform has none")
@@ -68,7 +68,7 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
 
 
 def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
-    """Return the vertices of the part at a place. `level` and `alike` are those of `dfd.Parts.part`."""
+    """Return the vertices of the part at a place. `level` and `alike` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
     return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
 
@@ -85,7 +85,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) ->
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return `at`, or the part for a text: "part@812", "piece@812" without counterparts, "part" for that at `own`."""
+    """Return `at`, or the part that this text names: "part@812", "piece@812" (no counterparts) or "part" (at `own`)."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:
@@ -95,7 +95,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the `given` values, except those that `_on_part` computes; `axes` become numbers."""
+    """Return `transform` with the `given` values, except those for `_on_part`. The axes "normal" become numbers."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
     if isinstance(axes, str) and axes != "auto":
@@ -109,16 +109,16 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
 
 
 def _of_part(name: str, value: Any) -> bool:
-    """Return whether the `value` for `name`, a motion of a handle, depends on the part that the handle holds."""
+    """Return whether the motion `name` with this `value` depends on the part that the handle holds."""
     if name in ("pivot", "joint"):
         return isinstance(value, str) and (name, value) not in (("pivot", "auto"), ("joint", "spread"))
     return name in ("towards", "open") or (name == "bend" and np.ndim(value) == 0)
 
 
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
-    """Return `edit` with those values of a handle's transform that depend on the part that the handle holds.
+    """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
 
-    The default pivot is chosen when the handle begins to rotate or scale: its transform `before` did neither.
+    The default pivot is chosen at the first rotation or scale (`before` has none), or if the pivot "auto" is given.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)

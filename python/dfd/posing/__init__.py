@@ -1,1 +1,1 @@
-"""Move vertices by blended transforms, and along curves that bend and twist."""
+"""Move vertices by blended transforms, and bend and twist parts along curves."""

@@ -39,14 +39,14 @@ def empty_like(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None]) -> NDArray[Any]:
-    """Return the array for the posed vertices: `out`, or a new one."""
+    """Return the array for the posed vertices: `out`, or a new array if `out` is None."""
     if out is None:
         return empty_like(points)
     return tensors.output(function, out, points.shape, points.dtype, inputs)
 
 
 def read_affine(function: str, name: str, value: Any, count: int | None) -> Float64:
-    """Return transforms (H, 3, 4), or (1, 3, 4) if `count` is None and `value` is one transform."""
+    """Return `value` as transforms (`count`, 3, 4). If `count` is None, `value` must be a single transform."""
     array = np.asarray(tensors.shared(function, name, value))
     if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
         return array  # the kernel checks that the numbers are finite
@@ -69,7 +69,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: Float32
 ) -> tuple[Int64 | None, Float64]:
-    """Return the vertices (H,) of the handles, or None if `handles` are positions, and the positions (H, 3)."""
+    """Return the vertices (H,) and the positions (H, 3) of the handles. The vertices are None for given positions."""
     count = weights.shape[1]
     if handles is None:
         if len(vertices) == 0:
@@ -87,7 +87,7 @@ def handle_positions(
 
 
 def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, indices: Int64 | None) -> Float64:
-    """Return the weights among handles (H, H), whose row j has the weights at the position of handle j."""
+    """Return the matrix (H, H) whose row j has the weights of all handles at the position of handle j."""
     count = weights.shape[1]
     if handle_weights is not None:
         return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Bend and twist a part along a curve. Each cross-section moves rigidly, so the thickness of the part stays equal."""
+"""Bend and twist a part along a curve. Each cross-section moves rigidly, so the part keeps its thickness."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,23 +8,23 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64
 
 STEPS = 512  # number of steps into which the curve is divided
-EASE = 0.25  # share of the length over which a bend begins gradually, so that the base has no corner
-LEAST_JOINT = 0.06  # smallest half of a joint's length, as a share of the curve's length
+EASE = 0.25  # fraction of the length, from the base, over which a bend begins gradually, so that there is no crease
+LEAST_JOINT = 0.06  # smallest half length of a joint, as a fraction of the curve's length
 
 
 def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None) -> Float64:
     """Return the rigid maps (513, 3, 4) of the cross-sections at equal steps along a curve; the first is the identity.
 
-    The cross-section at the point c(s) of the curve rotates by R(s) T(s): R is a share of the bend, and T is the same
-    share of the twist about the curve. The point c(s) moves to c̃(s) = c(0) + ∫ R c′. A point p of the cross-section
-    moves to c̃(s) + R(s) T(s) (p − c(s)).
+    The cross-section at the point c(s) of the curve rotates by R(s) T(s). R(s) is a fraction of the bend, and T(s) the
+    same fraction of the twist, about the tangent of the curve. The point c(s) moves to c̃(s) = c(0) + ∫ R c′, and a
+    point p of the cross-section moves to c̃(s) + R(s) T(s) (p − c(s)).
 
     Parameters
     ----------
     nodes
         (K, 3) points of the curve before the bend, at equal distances along it, from base to tip.
     radius
-        (K,) the mean distance of the surface from the curve, in the unit of `nodes`.
+        (K,) root mean squared distance of the surface from each of these points, in the unit of `nodes`.
     bend
         (3,) the rotation of the tip, as a rotation vector in degrees.
     twist
@@ -43,7 +43,7 @@ def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, jo
         eased = np.where(fine < EASE, fine**2 / (2 * EASE), fine - EASE / 2)
         share = eased / eased[-1]
     else:
-        # With a narrower joint, the surface on the inner side of the bend would cross itself.
+        # With a shorter joint, the surface on the inner side of the bend would intersect itself.
         thick = float(np.interp(joint, at, radius)) / max(length, 1e-300)
         half = max(LEAST_JOINT, thick * max(0.75, 0.9 * float(np.linalg.norm(rotation))))
         ramp = np.clip((fine - joint + half) / (2 * half), 0.0, 1.0)
@@ -69,7 +69,7 @@ class Sections:
     vertices
         (N,) vertex indices.
     parameter
-        (N,) the position on the curve of each vertex's cross-section, in [0, 1]. Vertices at 0 do not move.
+        (N,) position on the curve, in [0, 1], of the cross-section that each vertex follows. Vertices at 0 do not move.
     """
 
     def __init__(self, vertices: NDArray[np.integer], parameter: NDArray[np.floating]) -> None:
@@ -86,7 +86,7 @@ class Sections:
         self._products = np.empty(8 * len(moving))  # these positions, multiplied by the shares
 
     def move(self, points: Float64, maps: Float64) -> None:
-        """Move the vertices in `points` (V, 3), in place, by `maps` (513, 3, 4), interpolated to their positions."""
+        """Move the vertices in `points` (V, 3), in place, by `maps` (513, 3, 4), interpolated to each parameter."""
         moves = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(moves.argmax()) - 1)) if moves.any() else len(self._below)
         rest = points[self.vertices]
@@ -94,7 +94,7 @@ class Sections:
             self._rest = rest
             placed = np.concatenate([rest, np.ones((len(rest), 1))], axis=1)
             self._products = (self._shares[:, :, None] * placed[:, None]).ravel()
-        # Each row has a position (x, y, z, 1), multiplied by the shares of two maps. So one product moves all vertices.
+        # A row of the matrix has a position (x, y, z, 1) twice, multiplied by the shares of the two nearest maps.
         entries = self._products[8 * first :], self._columns[8 * first :], self._rows[: len(rest) - first + 1]
         each = csr_array(entries, shape=(len(rest) - first, maps.size // 3))
         points[self.vertices[first:]] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)

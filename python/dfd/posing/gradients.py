@@ -22,7 +22,7 @@ def posed_with_gradients(
 ) -> Any:
     """Return the result of `pose` as a tensor with gradients for `vertices`, `weights` and `transforms`.
 
-    Raises ValueError as `dfd.pose` does, or if another argument requires gradients, or the blend has no gradients.
+    Raises ValueError as `dfd.pose` does, if another argument requires gradients, or if the blend has no gradients.
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):

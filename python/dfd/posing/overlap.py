@@ -9,9 +9,9 @@ SINGULAR = 1e-5
 
 
 def interpolating(function: str, handle_weights: Float64) -> Float64:
-    """Return the inverse (H, H) of `handle_weights` (H, H), whose row j has the weights at the position of handle j.
+    """Return the inverse (H, H) of `handle_weights` (H, H), which has in row j the weights at the position of handle j.
 
-    Weights (V, H) multiplied by the inverse are 1 at each handle's own position, and 0 at other handles.
+    After multiplication by the inverse, the weight of a handle is 1 at its own position, and 0 at other handles.
 
     Raises ValueError if `handle_weights` is singular. The message names the two most similar handles, or a handle at
     whose position all weights are 0. `function` is the caller's name in messages.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-# The kernels' number of each rule. "interpolate" is "add" with weights that were multiplied by `_Rule.mixing`.
+# The number of each rule in the kernels. "interpolate" is "add" with weights that were multiplied by `_Rule.mixing`.
 KERNEL_OVERLAPS = {"add": 0, "interpolate": 0, "paper": 1, "normalize": 2}
 Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
 
@@ -113,30 +113,30 @@ def pose(
     default
         (3, 4) or (4, 4) default transform D₀, with weight max(1 − Σ W_k, 0); None is the identity.
     symmetry
-        The mirror plane. Vertices follow the mirrored transform of each handle on the other side of the plane. In the
-        plane's `band`, the results of both sides are blended smoothly.
+        The mirror plane. A vertex follows the transforms of the handles on its own side of the plane, and the mirrored
+        transforms of all other handles. In the plane's `band`, the results of both sides are blended smoothly.
     handles
         (H,) vertex indices or (H, 3) positions of the handles. They determine each handle's side of the plane, the
-        weights among handles, and the centers of the stretches of dual quaternions. None means that each handle is at
-        the vertex with its largest weight.
+        handles' weights at each other's positions, and the centers of stretches (see `blend`). None means that each
+        handle is at the vertex with its largest weight.
     handle_weights
-        (H, H) weights among handles for `overlap="interpolate"`. Row j has the weights at the position of handle j.
+        (H, H) matrix for `overlap="interpolate"`. Row j has the weights of all handles at the position of handle j.
         None takes the rows of `weights` at `handles`, which must then be vertices.
     normals
-        (V, 3) unit normals to transform as well, by the cofactors of each vertex's blended transform.
+        (V, 3) unit normals to transform too, by the cofactor matrix of each vertex's blended transform.
     overlap
         The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also scales the vertex
         about the origin. "add": displacements are added, so identity transforms move nothing. "normalize": weights are
-        divided by their sum. "interpolate": weights are multiplied by the inverse of the weights among handles, and
+        divided by their sum. "interpolate": weights are multiplied by the inverse of `handle_weights`, and
         displacements are added. Each handle then moves exactly to its target, except in the band of a mirror plane.
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
         dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted
-        parts then keep their thickness. If a transform mirrors, its stretch mirrors, such that the rotation is the
-        smallest. The rotation of a singular transform never mirrors.
+        parts then keep their thickness. If a transform mirrors, its stretch contains the reflection that leaves the
+        smallest rotation. The rotation never mirrors, even if the transform is singular.
     out
-        (V, 3) array for the result, with the type of `vertices`; None makes a new one.
+        (V, 3) array for the result, with the type of `vertices`; None makes a new array.
 
     Returns
     -------
@@ -151,9 +151,9 @@ def pose(
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
     V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
-    With "add", vertices keep their exact bits if all transforms are the identity. For dual quaternions, the sums are
-    those of the differences of quaternions and stretches from the identity, and "paper" equals "normalize". Each
-    quaternion has the sign that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
+    With "add", vertices keep their exact bits if all transforms are the identity. With dual quaternions, the sums add
+    quaternions and stretches, each minus the identity, and "paper" equals "normalize". Each quaternion has the sign
+    that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
 
     Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
     band, a smoothstep blends both sides.
@@ -181,8 +181,8 @@ def pose(
 class Drag:
     """A series of poses in which only some handles move. The sum over all other handles is computed once.
 
-    The parameters are those of `dfd.pose`, and `moving`: the columns of `weights` of the handles that move.
-    `transforms` are those at the start. Dual quaternions have no such sum, so each pose takes as long as `dfd.pose`.
+    The parameters are those of `dfd.pose`, and `moving`: the indices of the handles that move. `transforms` are those
+    at the start of the drag. With dual quaternions, there is no such sum: each pose takes as long as `dfd.pose`.
     """
 
     def __init__(
@@ -215,7 +215,7 @@ class Drag:
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
             return
-        # The identity adds no displacement. So a pose in which the moving handles have it is the sum over all others.
+        # If the moving handles have the identity, they add no displacement, so the pose is the sum over all others.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
@@ -242,7 +242,7 @@ class Drag:
 
 
 class _Rule(NamedTuple):
-    """How transforms are blended: arguments of the kernel, in its order."""
+    """The rule by which transforms are blended: arguments of the kernel, in the order of its parameters."""
 
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None  # normal, offset and band of the mirror plane

@@ -2,8 +2,8 @@
 
 A rotation is a *rotation vector in degrees*: its direction is the axis and its length the angle, right-handed.
 (0, 90, 0) rotates by 90° about y. Rotation vectors need no order of axes and have no gimbal lock. Half the vector is
-half the rotation, and angles can exceed 360°. About a single axis, the vector equals an Euler angle. A rotation can
-also be given as a quaternion (x, y, z, w), in glTF's order, which is converted to a rotation vector.
+half the rotation, and angles can exceed 360°. A rotation can also be given as a quaternion (x, y, z, w), the order of
+glTF. It is converted to a rotation vector.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
-NOT_UNIT = 1e-3  # a quaternion whose length differs from 1 by more gives a warning
+NOT_UNIT = 1e-3  # a quaternion whose length differs from 1 by more than this gives a warning
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
-# Descriptions of a handle's motions. Most are fields of `Transform`. `towards` and `open` are converted to fields.
+# Descriptions of a handle's motions: fields of `Transform`, and `towards` and `open`, which are converted to fields.
 _of_pose, _of_part = partial(About, affects="pose"), partial(About, affects="pose", of_part=True)
 MOTIONS = {
     "translation": _of_pose("Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length"),
@@ -73,9 +73,9 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    The held part, which the handle holds, is first bent and twisted.
+    R rotates, S scales, and the columns of A are `axes`. Before that, the part that the handle holds bends and twists.
 
-    Raises ValueError if an attribute has another array shape or is not finite, a rotation is the quaternion 0 or
+    Raises ValueError if an attribute has a wrong array shape or is not finite, a rotation is the quaternion 0 or
     outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given
     without `pivot`, `joint` lies outside [0, 1], or the matrix is not finite.
     """
@@ -85,7 +85,7 @@ class Transform(Brief):
     rotation: Annotated[Vector, Written(tuple[float, ...]), MOTIONS["rotation"]] = (0.0, 0.0, 0.0)
     # Factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
     scale: Annotated[Vector, Written(float | Vector), MOTIONS["scale"]] = (1.0, 1.0, 1.0)
-    # In mesh units; None is the handle's position, or the center of the box for the default transform.
+    # In mesh units; None is the handle's position, or for the default transform, the center of the bounding box.
     pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
@@ -124,10 +124,10 @@ class Transform(Brief):
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
-        """Return the transform with the `given` attributes changed. None keeps an attribute.
+        """Return the transform with the `given` attributes. An attribute that is None in `given` does not change.
 
-        "auto" sets `pivot` or `axes` to None, and "spread" sets `joint` to None. `pivot_at` is the name of the given
-        `pivot`; without it, a new pivot has no name.
+        "auto" sets `pivot` or `axes` to None, and "spread" sets `joint` to None. `pivot_at` is the name of a new
+        `pivot`. If it is left out, a new pivot has no name.
 
         Raises ValueError as `Transform` does.
         """
@@ -145,7 +145,7 @@ class Transform(Brief):
 
     @property
     def rests(self) -> bool:
-        """Return whether the transform leaves all points in place, whatever its pivot and axes are."""
+        """Return whether the transform moves no point, for any pivot and axes."""
         return self.translation == (0.0, 0.0, 0.0) and not self.turns and not self.bends
 
     @property
@@ -224,7 +224,7 @@ def frame_of_normal(normal: ArrayLike) -> Frame:
     """Return a right-handed frame of three orthonormal vectors. The third is along `normal` (3,), which is not 0."""
     along = np.asarray(normal, np.float64)
     along = along / np.linalg.norm(along)
-    # The coordinate axis nearest to perpendicular to the normal gives the most accurate result.
+    # Of the coordinate axes, the one whose angle to the normal is nearest to 90° gives the most accurate result.
     beside = np.eye(3)[np.abs(along).argmin()]
     across = beside - (beside @ along) * along
     across /= np.linalg.norm(across)

@@ -62,18 +62,18 @@ def bind(
     Parameters
     ----------
     features
-        (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. The result of
-        `dfd.compact` is accepted too. Binding it is many times faster, and the weights agree within its tolerance.
+        (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
+        compact features from `dfd.compact`: binding is then many times faster, and weights stay within the tolerance.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
-        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight for a region comes
-        from its member with the nearest feature. At most 32 members with distant features are used, and none within a
-        feature distance of 0.001 of another one. They are chosen from at most 8,192 members, evenly spaced in the item.
+        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
+        region comes from the member with the nearest feature. At most 32 members are used: those whose features differ
+        most, and by more than 0.001. They are chosen from at most 8,192 members, evenly spaced in the item.
     fixed
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
     strength
-        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None is 1 (Eq. 6).
+        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None stands for 1.
     geodesic
         (H, V) distances G along the surface from each handle, in [0, 1]. float32 is read in place.
     locality
@@ -87,7 +87,7 @@ def bind(
         "smooth": x² (3 − 2x), "sharp": x², "root": √x, "sphere": √(x (2 − x)), "constant": 1 if x > 0. Blender's
         proportional editing uses the same names.
     out
-        (V, H) float32 array for the result; None makes a new one. Its rows or its columns must be contiguous.
+        (V, H) float32 array for the result, with contiguous rows or columns; None makes a new array.
 
     Returns
     -------
@@ -98,9 +98,9 @@ def bind(
     is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
     masked, a tensor requires gradients, or `out` has another array shape or type.
 
-    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; the paper has r = 1
+    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
     and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
-    W_ip = max(1 − ‖Z_i − Z_p‖, 0); the paper has s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
+    W_ip = max(1 − ‖Z_i − Z_p‖, 0); in the paper, s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
         raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")
@@ -159,7 +159,7 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
 ) -> tuple[Float32 | None, Int32 | None]:
-    """Return each handle's reach (H,) and index of its falloff (H,); (None, None) for reach 1 and linear falloff."""
+    """Return the reaches (H,) and the indices of the falloffs (H,); (None, None) if all are 1 and "linear"."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
@@ -197,4 +197,4 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
             raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
-    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # above 0 in float32 too
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # above 0 even as float32

@@ -1,4 +1,4 @@
-"""Compact the features for `dfd.bind` to about a tenth of their bytes, within a given error of the weights.
+"""Compact the features for `dfd.bind` to about a tenth of their bytes, so that weights stay within a tolerance.
 
 The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
 permits, and stored in 8 or 16 bits in the order in which the kernels read them. Equal features have equal entries, so
@@ -23,7 +23,7 @@ BATCH = 512  # number of rows that are projected together; they fit the cache of
 SPAN = 127  # largest absolute value of an int8 entry, in steps
 DIRECTION_SAMPLE = 16_384  # largest number of vertices from which the principal directions are computed
 VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles whose weights are compared
-SAFETY = 0.8  # the sampled error of an accepted number of dimensions is at most SAFETY times the tolerance
+SAFETY = 0.8  # a number of dimensions is accepted if its sampled error is at most SAFETY times the tolerance
 
 Precision = Literal["int8", "float16"]
 
@@ -43,7 +43,7 @@ class CompactFeatures:
     basis: Float32  #: (D, d) orthonormal columns
     mean: Float32  #: (D,)
     step: float  #: the unit of an "int8" entry; 1 for "float16"
-    radius: float  #: largest distance between the feature of a sampled vertex and its stored entries
+    radius: float  #: largest distance, on samples, between a feature and its approximation by entries
     tolerance: float  #: the requested largest error of a weight
     error: float  #: the largest error of a weight on the samples
 
@@ -65,7 +65,7 @@ class CompactFeatures:
         return self.blocks.nbytes
 
     def stored(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the entries (N, d) of the vertices `indices` (N,), in steps."""
+        """Return the entries (N, d) of the vertices `indices` (N,), in multiples of `step`."""
         block, lane = np.divmod(indices, BLOCK)
         if self.precision == "float16":
             return self.blocks[block, :, lane].view(np.float16).astype(np.float32)
@@ -73,7 +73,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of the vertices `indices` (N,); `project` returns the same entries."""
+        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` maps them to the entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
@@ -95,9 +95,9 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """Return the entries (N, d) of features `rows` (N, D), and their offsets (N,) of squared feature distances.
+        """Return the entries (N, d) of features `rows` (N, D), and offsets (N,) to add to their squared distances.
 
-        An offset is the squared distance between a feature and its entries, minus `radius`², and at least 0.
+        An offset is the squared distance between a feature and its approximation, minus `radius`², and at least 0.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
@@ -109,7 +109,7 @@ class CompactFeatures:
 def compact(
     features: Any, points: Any = None, *, tolerance: float = 0.01, progress: Callable[[int], object] | None = None
 ) -> CompactFeatures:
-    """Return features with as few dimensions and bits as the `tolerance` permits.
+    """Compact `features` to as few dimensions and bits as the `tolerance` permits.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def compact(
     tolerance
         Largest difference of a weight from that of the full features in float64, on a sample of vertices and handles.
     progress
-        A callback that takes the number of newly finished rows. It is negative if finished rows are computed again.
+        A function that takes the number of newly finished rows; the number is negative if rows are computed again.
 
     Raises ValueError if `features` or `points` have the wrong array shape, are empty or are not finite, or 16 bits are
     too few for the tolerance.
@@ -202,7 +202,7 @@ class _Source:
 
 
 class _Trial:
-    """Compare the weights by entries with those by full features in float64, on sampled vertices and handles.
+    """Compare weights from entries with weights from full features in float64, on sampled vertices and handles.
 
     `features` (N, D) are the full features, `along` (N, D) are their coordinates along all principal directions, and
     `handles` are the rows of the handles. The reference weights are those of `features`, because coordinates far from
@@ -214,14 +214,14 @@ class _Trial:
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
     def error(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest difference between a weight by entries and the reference weight."""
+        """Return the largest difference between a weight from entries and the reference weight."""
         vertices, handles = (_stored(rows, rotation, precision, step) for rows in (self._vertices, self._handles))
         if not (np.isfinite(vertices).all() and np.isfinite(handles).all()):
             return np.inf
         return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
     def radius(self, rotation: Float64, precision: Precision, step: float) -> float:
-        """Return the largest distance between a vertex's feature and its entries."""
+        """Return the largest distance between a vertex's feature and its approximation by entries."""
         residuals = self._vertices.copy()
         residuals[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
         return float(np.linalg.norm(residuals, axis=1).max())
@@ -243,7 +243,7 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
 
 
 def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
-    """Return (bytes per vertex, precision, number of dimensions) of each storage to try, the fewest bytes first."""
+    """Return (bytes per vertex, precision, number of dimensions) of each format to try, the smallest first."""
     options: list[tuple[int, Precision, int]] = []
     for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64)):
         size = min(size, -(-dimension // 4) * 4)
@@ -252,7 +252,7 @@ def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
 
 
 def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
-    """Return the entries of projected rows, in steps."""
+    """Return the entries of projected rows, in multiples of `step`."""
     if precision == "float16":
         with np.errstate(over="ignore"):
             return projected.astype(np.float16).astype(np.float32)

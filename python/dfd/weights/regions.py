@@ -12,9 +12,9 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.weights.compact import CompactFeatures
 
-MERGED = 1e-3  # members within this feature distance of another one are left out; it bounds the error of a weight
+MERGED = 1e-3  # a member is left out if its feature is within this distance of a used member's feature
 MOST_MEMBERS = 32  # largest number of members of a region that are used
-MOST_CONSIDERED = 8_192  # largest number of members from which these are chosen, so that the choice takes little time
+MOST_CONSIDERED = 8_192  # largest number of members from which the used members are chosen, which limits the time
 
 Source = Float32 | CompactFeatures
 
@@ -25,7 +25,7 @@ class Targets:
 
     points: Int64 | Float32  # (N,) vertex indices, or (N, d) rows: features, or entries of compact features in steps
     offsets: Float32 | None  # (N,) numbers added to squared distances from entries; None for vertices and features
-    members: NDArray[np.uint32] | None  # (H,) numbers of consecutive points of each handle; None if all are 1
+    members: NDArray[np.uint32] | None  # (H,) how many consecutive points each handle has; None if each has 1
 
     def __len__(self) -> int:
         return len(self.points if self.members is None else self.members)
@@ -75,7 +75,7 @@ def _is_row(item: NDArray[Any]) -> bool:
 def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = False) -> Targets:
     """Return the points of an `array` of handles, or the members of a single handle if `region` is True.
 
-    The kernel checks that vertex indices are valid and distinct. Those of a region are checked here, because
+    The kernel checks that vertex indices are valid and distinct. Vertex indices of a region are checked here, because
     `_thinned` reads their features.
     """
     if region and len(array) == 0:
@@ -100,7 +100,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
-    """Return the region with at most `MOST_MEMBERS` points: its first, then repeatedly the farthest from those kept."""
+    """Return the region with at most `MOST_MEMBERS` points: its first, then always the farthest from those chosen."""
     count = len(region.points)
     if count <= 1:
         return region

@@ -45,7 +45,7 @@ def shapes(run, chair, folder, monkeypatch):
         ((*BATCH, "--distill", "views"), "`--distill` must be NAME=VALUE with one of background"),
         ((*BATCH, "--distill", "views=none"), "`views` must be a whole number"),
         ((*BATCH, "--step", "inspect", "--distill", "views=3"), "`--distill` settings need the step distill"),
-        ((*BATCH, "--workers", "2", "--address", "auto"), "`--workers` is for this machine"),
+        ((*BATCH, "--workers", "2", "--address", "auto"), "`--workers` must not be given with `--address`"),
         ((*BATCH, "--timeout", "0"), "`--timeout` must be"),
         (("batch", "shapes/*.ply", "-o", "none/out"), "none/out: No such file or directory"),
         (("batch", "shapes/*.ply", "-o", "shapes"), "must be a new folder or one of an earlier batch, got shapes"),

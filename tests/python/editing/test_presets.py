@@ -157,7 +157,7 @@ def test_planes_of_auto_are_those_across_axes_within_epsilon(mesh, field, featur
     session.set_symmetry("auto", band=0.1, candidates="any", threshold="relative")
     assert session.symmetry.band == 0.1
     assert asked == [{"candidates": "axes", "threshold": 0.1}, {"candidates": "any", "threshold": "relative"}]
-    with pytest.raises(ValueError, match="`candidates` and `threshold` are for the plane auto, got 'x'"):
+    with pytest.raises(ValueError, match="and `threshold` can only be given if `plane` is 'auto', got 'x'"):
         session.set_symmetry("x", threshold=0.1)
 
 
