@@ -163,7 +163,7 @@ def fig8(context: Context) -> Page:
 
 
 def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
-    """Fifty control points, as in DeepMetaHandles, by every method; DFD uses only the one that moves farthest."""
+    """Deformation by fifty control points, as in DeepMetaHandles; DFD uses only the one that moves farthest."""
     return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
 
 
@@ -173,12 +173,12 @@ def fig16(context: Context) -> Page:
 
 
 def fig14(context: Context, ball: float = BALL) -> Page:
-    """Translation of one handle by every method; the other methods also constrain vertices near their handles."""
+    """Translation of one handle by DFD and by other methods, which also constrain vertices near their handles."""
     return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 
 def fig15(context: Context) -> Page:
-    """Translation of one handle by every method; the other methods constrain only the handle and fixed points."""
+    """Translation of one handle by DFD and by other methods, which constrain only the handle and fixed points."""
     return fig14(context, 0.0)
 
 

@@ -73,7 +73,7 @@ FOLLOWS = 0.5  # A vertex follows the handle if its weight is above this.
 
 
 def fig4(context: Context) -> Page:
-    """Fields of a shape and of its copy with 1 % of the faces; their training pixels; the seconds of all steps."""
+    """Fields of a shape and of its copy with 1 % of the faces, with training pixels and the time of each step."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
@@ -133,7 +133,7 @@ def _distinct_pixels(views: Views) -> int:
 
 
 def fig13(context: Context) -> Page:
-    """Weights on a fine mesh from the fields of a coarse copy, trained on all its pixels or on its vertices only."""
+    """Weights on a fine mesh, by fields that were trained on all pixels or only on the vertices of a coarse copy."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         sessions = {}

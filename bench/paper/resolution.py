@@ -55,7 +55,7 @@ TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx
 
 
 def fig10(context: Context) -> Page:
-    """Seconds that every method takes to preprocess, bind and pose, by the number of faces."""
+    """Time that every method needs to preprocess, bind and pose meshes of increasing size."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
         able = ["ARAP", "biharmonic", "NeuralMLS"]  # peers in the paper's plot
@@ -192,7 +192,7 @@ def remeshed(shape: Shape, divisor: int) -> Shape:
 
 
 def fig18(context: Context) -> Page:
-    """Large meshes: their defects and holes, and the seconds of each stage without the cache."""
+    """Large meshes: their defects and holes, and the time of each stage without the cache."""
     taken: dict[tuple[str, str], Row] = {}
 
     def subjects() -> Iterator[Subject]:
@@ -271,7 +271,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> B
 
 
 def table3(context: Context) -> Page:
-    """Seconds to bind 1, 10 and 100 new handles by DFD and by OptCtrlPoints, on the nodes of the same tetrahedra."""
+    """Time to bind 1, 10 and 100 new handles to the nodes of tetrahedra, by DFD and by OptCtrlPoints."""
     repeats, patience = context.quick_or_full((3, 50)), context.quick_or_full(PATIENCE)
     rows: list[Row] = []
 
