@@ -1,4 +1,4 @@
-"""List the claim of each figure and table of the paper, and the number that decides whether the result agrees.
+"""List the claim of each figure and table of the paper, and the number that decides whether our result agrees.
 
 If the paper gives no number, the bound is our choice.
 """
@@ -16,7 +16,7 @@ OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces column `name` of all rows whose other columns have one of the values in `where`."""
+    """Return the rule that reduces column `name` of all rows whose other columns have a value in `where`."""
 
     def number(rows: Sequence[Row]) -> float:
         fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
@@ -36,7 +36,7 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-# Results that are too large have a note. They count for DFD, but not for the other methods.
+# Rows with a note are failures, or results that are too large. PEERS and COORDINATES leave these rows out.
 DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
@@ -45,7 +45,7 @@ PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, a
 PLANE, ANGLE, SIMILAR = "shapes with a plane, %", "angle change, DFD /", "similar vertices"
 FLIPPED, ERROR = "faces flipped by DFD, %", "distance of the handle from its target, % of the diagonal"
 
-# By page: the claim of the paper, what our number measures, the rule that computes it, and its lower or upper bound.
+# For each page: the claim of the paper, what our number measures, the rule that computes it, and its bound.
 FIGURES: dict[str, Figure] = {
     "fig1": Figure("a plane of symmetry for every shape", PLANE, column("plane found %", preset=OURS), 100),
     "fig2": Figure("plausible pictures", FLIPPED, column("flipped %", preset=OURS), most=1),
@@ -55,7 +55,7 @@ FIGURES: dict[str, Figure] = {
     ),
     "fig5": Figure("score below 0.1", "score of the best plane", column("score", preset=OURS), most=0.1),
     "fig6": Figure(
-        "similar parts stay", "their motion, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
+        "similar parts stay", "motion of similar parts, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
     ),
     "fig7": Figure("only the horn moves", "area at λ = 32 / at λ = 0", ratio("follows %", FAR, WIDE), most=0.5),
     "fig8": Figure("targets reached without fixed points", ERROR, column("handle error %", **DFD), most=0.1),
@@ -76,7 +76,7 @@ FIGURES: dict[str, Figure] = {
         1.5,
     ),
     "fig14": Figure("only related parts move", f"{ANGLE} other methods", ratio("angle °", DFD, PEERS), most=1),
-    "fig15": Figure("the other methods fail", "their flipped faces per shape", column("flipped faces", **FAILING), 1),
+    "fig15": Figure("the other methods fail", "flipped faces per shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure(
         "as smooth as biharmonic coordinates", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1
     ),
