@@ -50,18 +50,14 @@ FIGURES: dict[str, Figure] = {
     "fig1": Figure("a plane of symmetry for every shape", PLANE, column("plane found %", preset=OURS), 100),
     "fig2": Figure("plausible pictures", FLIPPED, column("flipped %", preset=OURS), most=1),
     "fig3": Figure("handles reach their targets", ERROR, column("handle error %", preset=OURS), most=0.1),
-    "fig4": Figure(
-        "less than 60 s for Lucy", "seconds to distill and bind", column("weights s", max, preset=OURS), most=60
-    ),
+    "fig4": Figure("at most 60 s for Lucy", "s to distill and bind", column("weights s", max, preset=OURS), most=60),
     "fig5": Figure("score below 0.1", "score of the best plane", column("score", preset=OURS), most=0.1),
     "fig6": Figure(
         "similar parts stay", "motion of similar parts, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
     ),
     "fig7": Figure("only the horn moves", "area at λ = 32 / at λ = 0", ratio("follows %", FAR, WIDE), most=0.5),
     "fig8": Figure("targets reached without fixed points", ERROR, column("handle error %", **DFD), most=0.1),
-    "fig9": Figure(
-        "as smooth as biharmonic coordinates", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1
-    ),
+    "fig9": Figure("as smooth as biharmonic", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1),
     "fig10": Figure(
         "robust to size", "longest / shortest preprocessing", column("preprocess s", spread, **DFD), most=3
     ),
@@ -77,9 +73,7 @@ FIGURES: dict[str, Figure] = {
     ),
     "fig14": Figure("only related parts move", f"{ANGLE} other methods", ratio("angle °", DFD, PEERS), most=1),
     "fig15": Figure("the other methods fail", "flipped faces per shape", column("flipped faces", **FAILING), 1),
-    "fig16": Figure(
-        "as smooth as biharmonic coordinates", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1
-    ),
+    "fig16": Figure("as smooth as biharmonic", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "mean gap, % of the largest motion", column("gap %", preset=OURS), most=5),
     "fig18": Figure("constant training time T", "longest / shortest T", column("T s", spread, preset=OURS), most=2),
     "fig19": Figure("the same weights", "mean difference of weights", column("mean difference", preset=OURS), most=0.1),

@@ -32,11 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("verb", choices=list(MEASURES), help="the reference with which the weights are compared")
     parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes; without it, labelled uses samples")
     parser.add_argument("--quick", action="store_true", help="measure one labelled shape of each category, or two rigs")
-    parser.add_argument(
-        "--encoder",
-        default=DEFAULT_ENCODER,
-        help="image encoder: a name, also of the Hugging Face hub, or a folder (%(default)s)",
-    )
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="image encoder: a name or a folder (%(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     given = parser.parse_args(arguments)
     if given.verb != "labelled" and given.folder is None:
