@@ -1,4 +1,4 @@
-"""Settings of Sphinx. `make docs` builds the pages with them, into build/docs/html."""
+"""Settings of Sphinx. With these settings, `make docs` builds the pages into build/docs/html."""
 
 import sys
 from importlib import metadata
@@ -26,7 +26,7 @@ exclude_patterns = ["tools"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
-# The pages show types in signatures, because docstrings only have shapes and units.
+# The pages show types in signatures, because docstrings contain only array shapes and units.
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_type_aliases = {"MeshLike": "MeshLike", "ArrayLike": "ArrayLike"}

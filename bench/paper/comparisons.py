@@ -18,11 +18,11 @@ from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.pictures.picture import picture
 
-# Fixed points of the other methods, as fractions of the bounding box: TOP if the handle moves down, else FEET.
+# Fixed points of the other methods, as fractions of the bounding box: TOP if the handle moves down, otherwise FEET.
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
-# Shapes of Fig. 9, 16 and 21. Control points below LIFTED move down by up to STRETCH, both fractions of the height.
+# Shapes of Fig. 9, 16 and 21. Control points below LIFTED move down by at most STRETCH (fractions of the height).
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (
@@ -31,22 +31,22 @@ DENSE_TEXT = (
 )
 
 PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
-BALL = 0.01  # The paper constrains all vertices within this distance of a held vertex, relative to the longest side.
-COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints would have the same weights as "biharmonic"
-EXPLODED = 3.0  # largest diagonal of a result that is drawn, divided by the diagonal of the shape
+BALL = 0.01  # largest distance of a constrained vertex from a held vertex, as a fraction of the longest side
+COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints gives the same weights as "biharmonic"
+EXPLODED = 3.0  # a result is not drawn if its diagonal exceeds the shape's diagonal by this factor
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the two silhouettes
 LEGEND = """\
-The dot is the handle in pictures at rest, and its target in the others. Squares are the fixed points or control points
-of the other methods. The shape is blue before the deformation and green after it. **handle error**: distance of the
-handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean changes over the surface. **volume**:
-change of the enclosed volume; empty for open surfaces. **flipped faces**: number of faces that fold over. **size**: the
-result's diagonal divided by the shape's. **biharmonic** and **BBW** use tetrahedra that fill the shape, simplified to
-at most 6,000 faces. The networks of APAP and DeepMetaHandles are not available."""
+In pictures of the shape at rest, the dot is the handle. In the other pictures, it is the handle's target. Squares are
+fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
+**handle error**: distance of the handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean
+changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number
+of faces that fold over. **size**: diagonal of the result divided by diagonal of the shape. **biharmonic** and **BBW**
+use tetrahedra in a copy with 6,000 faces or fewer. The networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A shape and its held vertices. DFD moves one of these, the handle; the other methods constrain all of them."""
+    """A shape and its held vertices. The other methods constrain all of these. DFD moves one of them, the handle."""
 
     shape: Shape
     held: Int64  # (C,) vertex indices
@@ -93,7 +93,7 @@ def stretched(context: Context, most: tuple[int, int]) -> Iterator[Case]:
 
 
 def farthest(points: Float64, count: int) -> Int64:
-    """Return the indices of `count` of the `points` (N, 3) by farthest point sampling; the first has the smallest x."""
+    """Return the indices of `count` points (N, 3), by farthest point sampling from the point with the smallest x."""
     chosen, distance = [points[:, 0].argmin()], np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):
         distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
@@ -102,7 +102,7 @@ def farthest(points: Float64, count: int) -> Int64:
 
 
 def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = False) -> dfd.Deformer:
-    """Return a session with the handle moved to its target, or with `all_handles` every held vertex as a handle."""
+    """Return a session that moves the handle to its target; with `all_handles`, every held vertex is such a handle."""
     rows = slice(None) if all_handles else [case.handle]
     held, offsets = case.held[rows], (case.targets - case.shape.mesh.vertices[case.held])[rows]
     subject = Subject(case.shape, None, preset, context.field(case.shape, preset))
@@ -110,15 +110,15 @@ def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = 
 
 
 def deform(name: str, case: Case, ball: float) -> Float64:
-    """Return the vertices (V, 3) of a case after deformation by `PEERS[name]`; raise PeerError like `peer.run`."""
+    """Deform a case by the method `PEERS[name]`, and return the vertices (V, 3). `ball` is as in `constraints`."""
     return run(PEERS[name], case.shape.mesh, [constraints(case, ball)])[0].vertices
 
 
 def constraints(case: Case, ball: float) -> Job:
-    """Return the constraints of the other methods: the held vertices and their neighbors, with the targets of all.
+    """Return the constraints of the other methods: the targets of the held vertices and of the vertices near them.
 
-    Vertices of faces within `ball`, a fraction of the longest side, are neighbors. They move like the nearest held
-    vertex. A handle and its neighbors are one group; the group of all fixed vertices is −1.
+    A vertex is near a held vertex within the distance `ball`, a fraction of the longest side. It moves like the nearest
+    held vertex. A handle and the vertices near it form one group. Fixed vertices and those near them have group −1.
     """
     mesh = case.shape.mesh
     corners: Int64 = np.unique(mesh.faces).astype(np.int64)
@@ -163,7 +163,7 @@ def fig8(context: Context) -> Page:
 
 
 def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
-    """Fifty control points, as in DeepMetaHandles, by every method; DFD uses only the one that moves farthest."""
+    """Deformation by fifty control points, as in DeepMetaHandles; DFD uses only the one that moves farthest."""
     return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
 
 
@@ -173,12 +173,12 @@ def fig16(context: Context) -> Page:
 
 
 def fig14(context: Context, ball: float = BALL) -> Page:
-    """Translation of one handle by every method; the other methods also constrain vertices near their handles."""
+    """Translation of one handle by DFD and by other methods, which also constrain vertices near their handles."""
     return _compared(context, pulls(context, (2, 10)), ball=ball)
 
 
 def fig15(context: Context) -> Page:
-    """Translation of one handle by every method; the other methods constrain only the handle and fixed points."""
+    """Translation of one handle by DFD and by other methods, which constrain only the handle and fixed points."""
     return fig14(context, 0.0)
 
 
@@ -202,15 +202,15 @@ def _compared(
     weights: bool = False,
     all_handles: bool = False,
 ) -> Page:
-    """Return a page of every case by every method, or with `all_handles` by DFD with all held vertices as handles.
+    """Return a page on which every method deforms every case. If a method fails, the page shows the reason.
 
-    If a method fails, the page shows the reason instead of a picture.
+    With `all_handles`, DFD is the only method, and all held vertices are handles.
     """
     pictures: list[Pictures] = []
     rows: list[Row] = []
     for case in cases:
         context.say(case.shape.name)
-        results: dict[str, Float64 | str] = {}  # by method, the moved vertices (V, 3) or the reason of its failure
+        results: dict[str, Float64 | str] = {}  # for each method, the moved vertices (V, 3), or why it failed
         for method in (*PRESET_OF, *(() if all_handles else COMPARED)):
             row = {"shape": case.shape.name, "method": method}
             try:
@@ -228,7 +228,7 @@ def _compared(
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
-    """Return the table columns of `LEGEND` for moved vertices (V, 3), and a note if they spread too far."""
+    """Return the table columns of `LEGEND` for moved vertices (V, 3), and a note if the result is too large."""
     diagonal = case.shape.mesh.diagonal
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
     return {

@@ -95,7 +95,7 @@ def fig5(context: Context) -> Page:
 
 
 def fig6(context: Context) -> Page:
-    """Feature space constraints (Eq. 6): a twist without and with a fixed point, which also keeps similar parts."""
+    """Feature space constraints (Eq. 6): one twist, without and with a fixed point."""
 
     def held(subject: Subject) -> list[int]:
         return [subject.shape.at(point) for point in subject.case.fixed]

@@ -11,15 +11,15 @@ from dfd.geometry.topology import face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import face_normals
 
-FOLD = -0.5  # A face is folded if the cosines between its normal and those of its neighbors sum to less than this.
+FOLD = -0.5  # A face is folded if the cosines between its normal and its neighbors' normals sum to less than this.
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
     """Return table columns: the distortion of `mesh` if its vertices move to `vertices` (V, 3), mesh units.
 
     Area, angle and edge are mean changes over the surface, weighted by areas or lengths at rest. Volume is the change
-    of the enclosed volume, or None if the surface is open or encloses nothing. Flipped faces are folded after the
-    deformation but not at rest. A rigid motion changes no value. Faces without area at rest are ignored.
+    of the enclosed volume, or None if the surface is open or encloses nothing. Flipped faces are faces that are folded
+    after the deformation, but not at rest. A rigid motion changes no value. Faces without area at rest are ignored.
 
     Raises ValueError if `vertices` is not finite or not of the array shape (V, 3), or if no face has an area.
     """

@@ -49,8 +49,8 @@ OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
-# By distilled shape: the handle's position, as fractions of the box, and other shapes of the same class. A rotation
-# about y by the given degrees turns each of these to face the same direction as the distilled shape.
+# For each distilled shape: the handle's position, as fractions of the box, and other shapes of its class. Each of these
+# has an angle in degrees. A rotation by this angle about y turns it to face the same direction as the distilled shape.
 CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
@@ -58,7 +58,7 @@ CLASSES = {
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # translation, as a fraction of the diagonal
 
-# By chair: the handle's position on each part, as fractions of the box.
+# For each chair: the handle's position on each part, as fractions of the box.
 LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.15)
 CHAIR = {"leg": LEG, "seat": SEAT, "back": BACK}
 CHAIRS = {
@@ -73,7 +73,7 @@ FOLLOWS = 0.5  # A vertex follows the handle if its weight is above this.
 
 
 def fig4(context: Context) -> Page:
-    """Fields of a shape and of its copy with 1 % of the faces; their training pixels; the seconds of all steps."""
+    """Fields of a shape and of its copy with 1 % of the faces, with training pixels and the time of each step."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
@@ -104,16 +104,16 @@ def fig4(context: Context) -> Page:
             rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
     text = (
-        "Vertices and pixels are counted for the reduced shape, in eight pictures of 252². Other methods train on the "
-        "pixels that contain a vertex, barycentric distillation on all pixels that triangles cover. Mean distance: "
-        "between the features of both fields at the reduced shape's vertices. Spread: mean distance of the features "
-        "from their mean. In the paper, Lucy (28 million faces) takes 5.7 minutes to render, and 3.7 s if reduced."
+        "Vertices and pixels are counted for the reduced shape, in eight pictures of 252² pixels. Training on vertices "
+        "uses the pixels that contain a vertex. Training on triangles uses all pixels that triangles cover. Mean "
+        "distance: between the features of both fields at the reduced shape's vertices. Spread: mean distance of the "
+        "features from their mean. In the paper, one picture of Lucy takes 5.7 minutes, or 3.7 s after simplification."
     )
     return Page(text, drawn, rows)
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
-    """Distill without the cache; return the field, the seconds without loading the encoder, and the timed stages."""
+    """Distill without the cache; return the field, the seconds (without loading the encoder), and the timed stages."""
     model, stages = context.loaded(preset), Stages(show=False)
     begin = time.perf_counter()
     field = context.field(shape, preset, encoder=model, stages=stages)
@@ -121,7 +121,7 @@ def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field
 
 
 def resampled(shape: Shape, count: int) -> Shape:
-    """Return the shape with about `count` faces: simplified, and then subdivided if it has fewer faces than that."""
+    """Return the shape with about `count` faces: it is simplified, or subdivided if it has fewer faces."""
     if len(shape.mesh.faces) >= count:
         return Shape(shape.name, simplify(shape.mesh, count))
     return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
@@ -133,7 +133,7 @@ def _distinct_pixels(views: Views) -> int:
 
 
 def fig13(context: Context) -> Page:
-    """Weights on a fine mesh from the fields of a coarse copy, trained on all its pixels or on its vertices only."""
+    """Weights on a fine mesh, by fields that were trained on all pixels or only on the vertices of a coarse copy."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         sessions = {}
@@ -152,9 +152,9 @@ def fig13(context: Context) -> Page:
         return {"roughness": roughness(mesh, each.weights[:, 0]), **compared}
 
     text = (
-        f"The coarse copy has {COARSE} faces, much larger than the details of the features. Both fits to it with the "
-        "paper preset take the same number of steps; the fit to vertices repeats its few samples. Roughness is the "
-        "mean of |∇W| on the fine mesh, in 1 / diagonal. The mean difference compares with the fine copy's weights."
+        f"The coarse copy has {COARSE} faces, which are larger than the details of the features. The fit to all pixels "
+        "and the fit to vertices take the same number of steps. Roughness: mean of |∇W| on the fine mesh, in units of "
+        "1 / diagonal. Mean difference: mean difference from the weights of the fine copy's field (paper preset)."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
@@ -214,11 +214,11 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
             absent[name] = one_line(error)
     if not absent:
         return found, ""
-    return found, f"\n\nNot available here: {', '.join(absent)}. The first one's error: {next(iter(absent.values()))}"
+    return found, f"\n\nNot available here: {', '.join(absent)}. The first error: {next(iter(absent.values()))}"
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
-    """Return the mean of |∇W| over the surface for weights (V,), in 1 / diagonal of the box."""
+    """Return the mean of |∇W| over the surface for weights (V,), in units of 1 / diagonal of the box."""
     faces = mesh.faces[(areas := face_areas(mesh.vertices, mesh.faces)) > 0].astype(np.int64)
     slopes = (igl.grad(mesh.vertices, faces) @ weights.astype(np.float64)).reshape(3, -1)
     return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
@@ -254,9 +254,9 @@ def fig19(context: Context) -> Page:
         return {"faces": len(mesh.faces), "follows %": follows, "mean difference": difference}
 
     text = (
-        "For other tessellations, the field is evaluated at their vertices. Another shape of the class is first "
+        "For another tessellation, the field is evaluated at its vertices. Another shape of the class is first "
         "rotated to face the same direction, and scaled into the box of the distilled shape. Its handle is the vertex "
-        "with the feature nearest to that of the first handle. The table has the percentage of the surface area with "
+        "with the feature most similar to the first handle's. The table has the percentage of the surface area with "
         f"a weight above {FOLLOWS}, and the mean difference from the weights on the first mesh."
     )
     return gallery(context.subjects(CLASSES, (1, 2)), variants, measure, text)

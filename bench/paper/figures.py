@@ -1,4 +1,4 @@
-"""List the claim of each figure and table of the paper, and the number that decides whether the result agrees.
+"""List the claim of each figure and table of the paper, and the number that decides whether our result agrees.
 
 If the paper gives no number, the bound is our choice.
 """
@@ -16,7 +16,7 @@ OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces column `name` of all rows whose other columns have one of the values in `where`."""
+    """Return the rule that reduces column `name` of all rows whose other columns have a value in `where`."""
 
     def number(rows: Sequence[Row]) -> float:
         fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
@@ -36,7 +36,7 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-# Results that are too large have a note. They count for DFD, but not for the other methods.
+# Rows with a note are failures, or results that are too large. PEERS and COORDINATES leave these rows out.
 DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
@@ -45,15 +45,15 @@ PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, a
 PLANE, ANGLE, SIMILAR = "shapes with a plane, %", "angle change, DFD /", "similar vertices"
 FLIPPED, ERROR = "faces flipped by DFD, %", "distance of the handle from its target, % of the diagonal"
 
-# By page: the claim of the paper, what our number measures, the rule that computes it, and its lower or upper bound.
+# For each page: the claim of the paper, what our number measures, the rule that computes it, and its bound.
 FIGURES: dict[str, Figure] = {
-    "fig1": Figure("a plane of symmetry per shape", PLANE, column("plane found %", preset=OURS), 100),
+    "fig1": Figure("a plane of symmetry for every shape", PLANE, column("plane found %", preset=OURS), 100),
     "fig2": Figure("plausible pictures", FLIPPED, column("flipped %", preset=OURS), most=1),
     "fig3": Figure("handles reach their targets", ERROR, column("handle error %", preset=OURS), most=0.1),
-    "fig4": Figure("below 60 s (Lucy)", "seconds to distill and bind", column("weights s", max, preset=OURS), most=60),
+    "fig4": Figure("at most 60 s for Lucy", "s to distill and bind", column("weights s", max, preset=OURS), most=60),
     "fig5": Figure("score below 0.1", "score of the best plane", column("score", preset=OURS), most=0.1),
     "fig6": Figure(
-        "similar parts stay", "their motion, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
+        "similar parts stay", "motion of similar parts, fixed / free", ratio(f"{SIMILAR} move %", FIXED, FREE), most=0.5
     ),
     "fig7": Figure("only the horn moves", "area at λ = 32 / at λ = 0", ratio("follows %", FAR, WIDE), most=0.5),
     "fig8": Figure("targets reached without fixed points", ERROR, column("handle error %", **DFD), most=0.1),
@@ -72,7 +72,7 @@ FIGURES: dict[str, Figure] = {
         1.5,
     ),
     "fig14": Figure("only related parts move", f"{ANGLE} other methods", ratio("angle °", DFD, PEERS), most=1),
-    "fig15": Figure("the other methods fail", "their flipped faces per shape", column("flipped faces", **FAILING), 1),
+    "fig15": Figure("the other methods fail", "flipped faces per shape", column("flipped faces", **FAILING), 1),
     "fig16": Figure("as smooth as biharmonic", f"{ANGLE} biharmonic", ratio("angle °", DFD, COORDINATES), most=1),
     "fig17": Figure("no tears", "mean gap, % of the largest motion", column("gap %", preset=OURS), most=5),
     "fig18": Figure("constant training time T", "longest / shortest T", column("T s", spread, preset=OURS), most=2),
@@ -86,7 +86,7 @@ FIGURES: dict[str, Figure] = {
     "fig21": Figure("reasonable shapes", "diagonal of the result / of the shape", column("size", **DFD), most=1.5),
     "fig22": Figure("DFD distorts more", "area change, DFD / other methods", ratio("area %", DFD, PEERS), 1),
     "table1": Figure("every tick of Table 1", "ticks as in the paper, %", column("as in the paper, %"), 100),
-    "table3": Figure("1,150 times as fast (1 handle)", "seconds, OptCtrlPoints / DFD", resolution.speedup, 1000),
+    "table3": Figure("1,150 times as fast for 1 handle", "seconds, OptCtrlPoints / DFD", resolution.speedup, 1000),
 }
 PAGES: dict[str, Callable[[Context], Page]] = {
     name: getattr(module, name)

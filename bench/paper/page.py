@@ -25,7 +25,7 @@ Rule = Callable[[Sequence[Row]], float]  # computes one number from the table ro
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
-    """Return options of `picture`: a camera that faces `points` (N, 3) and shows the mesh and all `moved` (V, 3)."""
+    """Return options of `picture`: a camera that faces `points` (N, 3) and shows the mesh and `moved` (V, 3)."""
     frame = [mesh.vertices, *moved]
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
@@ -50,10 +50,10 @@ def gallery(
     azimuth: float | None = None,
     source: Callable[[Subject], Mapping[str, Any]] = lambda subject: {},
 ) -> Page:
-    """Return a page with the sessions that `variants` returns for every subject, by name, and a table row for each.
+    """Return a page with pictures and a table row for each session. `variants` returns a subject's sessions by name.
 
-    `measure` takes the subject, a session, and the subject's first session, whose camera draws all. It returns cells of
-    the row. Each of the views `shown` is a row of pictures. `source` returns options of `picture` for the rest shape.
+    `measure` takes a subject, a session, and the subject's first session; it returns cells of the session's row. Each
+    view in `shown` is a row of pictures. `source` returns options for the picture of the shape at rest.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []

@@ -28,15 +28,15 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # limits in a quick and a full run: seconds for a peer's tetrahedra, and for its other steps
+PATIENCE = (40.0, 600.0)  # seconds in a quick and a full run: for a peer's tetrahedra, and again for its other steps
 PEER_HANDLES = 10  # handles of a timed peer, by farthest point sampling; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
 BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
-NEAR = 0.005  # of the diagonal; components belong together at vertices that are closer than this
+NEAR = 0.005  # largest distance of neighboring vertices of two components, relative to the diagonal
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
-DIVISORS = (1, 2, 8)  # of the mean edge length, for remeshing
+DIVISORS = (1, 2, 8)  # after remeshing, no edge is longer than the mean edge length divided by this
 RENDERING = ("simplify", "render")  # the stages that the paper's time R includes
 
 COUNTS = (1, 10, 100)  # handles per set in Table 3
@@ -44,18 +44,18 @@ SOLID = ("spot", "koala", "fox", "scorpion", "shark", "boat", "quadruped")
 REBOUND = dict.fromkeys((*SOLID, "kaykit_chair_A", "table_roundlarge", "chair"))
 # Seconds of the paper's Table 3, by COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.
 PAPER_SECONDS = {"DFD, forward pass": (0.004, 0.012, 0.034), "OptCtrlPoints": (4.6, 11.35, 21.8)}
-EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # of tetrahedra, as fractions of the diagonal
+EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # edge lengths of tetrahedra, as fractions of the diagonal
 
 TICKED = dict.fromkeys(("spot", "quadruped"))
 TICKED_FACES = ((1_000, 8_000), (4_000, 32_000))
-MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # bounds of ticks: ratio of face counts, fraction of a motion, seconds
+MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # for ticks: ratio of face counts, fraction of a motion, seconds
 FOOT = BoxHandle((0.2, 0.0, 0.2), (0.0, -0.15, 0.0))
 PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
 TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x: the paper has a tick
 
 
 def fig10(context: Context) -> Page:
-    """Seconds that every method takes to preprocess, bind and pose, by the number of faces."""
+    """Time that every method needs to preprocess, bind and pose meshes of increasing size."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
         able = ["ARAP", "biharmonic", "NeuralMLS"]  # peers in the paper's plot
@@ -79,7 +79,7 @@ def fig10(context: Context) -> Page:
         f"the factorization or the network for {PEER_HANDLES} handles. Rebind: the weights of a further handle. The "
         "seconds of DFD are medians of repeated calls. The other methods run once, with a limit of "
         f"{context.quick_or_full(PATIENCE):g} s for tetrahedra, and the same for all other steps. The paper's plot has "
-        "no numbers; its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
+        "no numbers. Its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
     )
     return Page(text, rows=rows, plot=plot(rows))
 
@@ -109,7 +109,7 @@ def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> dict[str, float
 
 
 def plot(rows: Sequence[Row]) -> Any:
-    """Draw seconds against faces, both logarithmic: a panel for each phase, a line for each method (mean of shapes)."""
+    """Plot seconds against faces on logarithmic axes: a panel for each phase, a line of means for each method."""
     from matplotlib.figure import Figure  # needed by this page alone
 
     figure = Figure(figsize=(13, 4), layout="constrained")
@@ -128,8 +128,8 @@ def plot(rows: Sequence[Row]) -> Any:
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     """Return the numbers of non-manifold elements and of holes, as in Fig. 18, and the boundary edges (B, 2).
 
-    Vertices at the same position are merged first. Non-manifold elements are edges with more than two faces, and other
-    vertices whose faces do not form one fan. Holes that share a vertex count as one.
+    Vertices at the same position are merged first. Non-manifold elements are edges with more than two faces, and
+    vertices away from these edges whose faces do not form one fan. Holes that share a vertex count as one.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -142,7 +142,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
 
 
 def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
-    """Return the mean distance by which near vertices of different components move apart; None if there are none."""
+    """Return the mean distance by which neighbors (see `NEAR`) move apart; None if there are no neighbors."""
     faces = first_at_place(mesh)[mesh.faces]
     component = np.full(len(mesh.vertices), -1)
     component[faces] = face_components(faces.astype(np.int32))[:, None]
@@ -174,16 +174,16 @@ def fig17(context: Context) -> Page:
         return {"colors": np.where(at_boundary[:, None], BOUNDARY, CLAY)}
 
     text = (
-        "Boundary vertices are red. The gap is the mean distance by which vertices of different components, at rest "
-        f"closer than {NEAR:.1%} of the diagonal, move apart, in % of the largest motion. The paper's example has "
-        "3,804 boundary edges, 70 components and 12 non-manifold edges."
+        "Boundary vertices are red. Two vertices of different components are neighbors if their distance at rest is "
+        f"below {NEAR:.1%} of the diagonal. The gap is the mean distance by which neighbors move apart, in % of the "
+        "largest motion. The paper's example has 3,804 boundary edges, 70 components and 12 non-manifold edges."
     )
     subjects = context.subjects(BROKEN, (2, 4))
     return gallery(subjects, lambda subject: {"pull": subject.pull()}, torn, text, source=marked)
 
 
 def remeshed(shape: Shape, divisor: int) -> Shape:
-    """Return the shape, remeshed until no edge is longer than the mean length divided by `divisor`; itself for 1."""
+    """Remesh a shape until no edge is longer than the mean length divided by `divisor`. With 1, return the shape."""
     if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
@@ -192,7 +192,7 @@ def remeshed(shape: Shape, divisor: int) -> Shape:
 
 
 def fig18(context: Context) -> Page:
-    """Large meshes: their defects and holes, and the seconds of each stage without the cache."""
+    """Large meshes: their defects and holes, and the time of each stage without the cache."""
     taken: dict[tuple[str, str], Row] = {}
 
     def subjects() -> Iterator[Subject]:
@@ -239,10 +239,10 @@ def table1(context: Context) -> Page:
                 row["note"] = str(error)
             rows.append(row)
     text = (
-        f"One foot is pulled. Global semantics: every other foot moves at least {FOLLOWED:g} of its distance, and the "
-        f"flank less than half as far as any foot. Local control: the flank moves less than {FOLLOWED / 2:g} of that "
-        f"distance, with λ = 8 for DFD. Size robust: {MORE} times the faces take less than {MORE / 2:g} times as long. "
-        f"New handle: its weights take less than {FRAME * 1000:.0f} ms at the larger size."
+        f"One foot is pulled by a distance d. Global semantics: every other foot moves at least {FOLLOWED:g} d, and "
+        "the flank moves less than half as far as any foot. Local control: the flank moves less than "
+        f"{FOLLOWED / 2:g} d, with λ = 8 for DFD. Size robust: {MORE} times the faces take less than {MORE / 2:g} "
+        f"times as long. New handle: computing its weights takes less than {FRAME * 1000:.0f} ms on the larger mesh."
     )
     return Page(text, rows=rows)
 
@@ -271,7 +271,7 @@ def _ticks(context: Context, case: Case, name: str, sizes: Sequence[Shape]) -> B
 
 
 def table3(context: Context) -> Page:
-    """Seconds to bind 1, 10 and 100 new handles by DFD and by OptCtrlPoints, on the nodes of the same tetrahedra."""
+    """Time to bind 1, 10 and 100 new handles to the nodes of tetrahedra, by DFD and by OptCtrlPoints."""
     repeats, patience = context.quick_or_full((3, 50)), context.quick_or_full(PATIENCE)
     rows: list[Row] = []
 
@@ -309,8 +309,8 @@ def table3(context: Context) -> Page:
         add(name, seconds, shape="paper")
     text = (
         f"Seconds are means over {repeats} random sets of handles. Both methods bind the same nodes of fTetWild's "
-        "tetrahedra. Their edge length, a fraction of the diagonal, decreases until OptCtrlPoints fails. Its seconds "
-        "are for back substitutions and a small dense system, after factorization. The paper used an NVIDIA A40."
+        "tetrahedra. Their edge length, a fraction of the diagonal, decreases until OptCtrlPoints fails. The seconds "
+        "of OptCtrlPoints do not include the factorization. The paper used an NVIDIA A40."
     )
     return Page(text, rows=rows)
 
@@ -324,7 +324,7 @@ def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
 
 
 def speedup(rows: Sequence[Row]) -> float:
-    """Return the time of OptCtrlPoints divided by that of DFD with its forward pass, for one handle and most nodes."""
+    """Return the time of OptCtrlPoints divided by the time of DFD, for one handle and the most nodes."""
     own = [row for row in rows if row.get("nodes")]
     most = max((row["nodes"] for row in own), default=0)
     seconds = {row["method"]: row["1 handle s"] for row in own if row["nodes"] == most}

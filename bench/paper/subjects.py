@@ -25,8 +25,8 @@ from dfd.geometry.refine import split_long_edges
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-LONGEST_EDGE = 0.03  # of the diagonal; weights are interpolated between vertices and look coarse on longer edges
-# Settings of `dfd.distill` with --quick, of both presets and of "paper" alone.
+LONGEST_EDGE = 0.03  # fraction of the diagonal; on longer edges, the interpolated weights look coarse
+# Settings of `dfd.distill` with --quick: QUICK for both presets, and QUICK_PAPER only for the preset "paper".
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
@@ -50,7 +50,7 @@ class Shape:
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
-        """Return the shape with edges above `LONGEST_EDGE` halved, without colors; itself if there is no such edge."""
+        """Halve edges above `LONGEST_EDGE`; return the shape without colors, or unchanged if there is no such edge."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -67,7 +67,7 @@ class BoxHandle:
     locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
-    azimuth: float | None = None  # of the camera, degrees
+    azimuth: float | None = None  # direction of the camera, degrees
 
     def on(self, shape: Shape) -> dict[str, Any]:
         """Return the keywords of `Deformer.add` for this handle on a mesh."""
@@ -80,7 +80,7 @@ class BoxHandle:
         return handle
 
 
-# The pull, a translation of one handle, of each shape. Other shapes have UPWARDS.
+# For each shape, its pull: a translation of one handle. Shapes that are not in this list have the pull UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -105,7 +105,7 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape with its field by one preset, and what the page does with it."""
+    """A shape, its field by one preset, and the case: what the page does with the shape."""
 
     shape: Shape
     case: Any  # most often the `BoxHandle` of the page
@@ -135,7 +135,7 @@ class Subject:
         return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, with `changes`; `more` are keywords of `session`."""
+        """Return a session with the handle of the case, changed by `changes`; `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
@@ -166,9 +166,9 @@ class Context:
         return values[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return each key of `known` that is an available shape, from a file or a sample, with its case, the value.
+        """Return the shapes for which there is a file or a sample, each with its case. `known` maps names to cases.
 
-        `most` limits their number in a quick and in a full run.
+        `most` is the largest number of shapes in a quick and in a full run.
         """
         names = [name for name in known if name in self.files or name in SAMPLES]
         return [(self.shape(name), known[name]) for name in names[: self.quick_or_full(most)]]

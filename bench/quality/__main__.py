@@ -1,6 +1,6 @@
 """`python -m bench.quality VERB`: measure weights with the module `labelled`, `anatomy`, `borders` or `mirrored`.
 
-The table has the means over the shapes of each category, and in its last row the means over the categories.
+The table has a row for each category, with means over its shapes. The last row has the means over the categories.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-MEASURES: dict[str, tuple[Any, Any]] = {  # by verb: the module, and the function that reads its shapes
+MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the function that reads its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "borders": (borders, anatomy.rigged_shapes),
@@ -30,10 +30,10 @@ Row = tuple[str, str, Mapping[str, float]]  # category, name and numbers of a sh
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure all shapes of a folder, and write the tables again after every shape."""
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
-    parser.add_argument("verb", choices=list(MEASURES), help="what weights are compared with")
-    parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes (labelled: by default samples)")
-    parser.add_argument("--quick", action="store_true", help="measure one shape of each category, or two rigs")
-    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="name, folder or name on the hub (%(default)s)")
+    parser.add_argument("verb", choices=list(MEASURES), help="the reference with which the weights are compared")
+    parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes; without it, labelled uses samples")
+    parser.add_argument("--quick", action="store_true", help="measure one labelled shape of each category, or two rigs")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="image encoder: a name or a folder (%(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     given = parser.parse_args(arguments)
     if given.verb != "labelled" and given.folder is None:

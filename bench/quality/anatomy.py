@@ -1,7 +1,7 @@
 """Measure how well a handle moves the subtree of a joint, in the rigs of characters and animals.
 
-The subtree is all vertices of a joint and its descendants. A user who puts a handle on it may mean the subtree of this
-joint or of an ancestor. The user may mean it alone, with its other side, with front and hind limbs, or with its kind.
+The subtree of a joint is all vertices of the joint and its descendants. A user who adds a handle there may mean this
+subtree, or the subtree of an ancestor. The user may mean it alone, on both sides, on all limbs, or for all of its kind.
 """
 
 import re
@@ -23,7 +23,7 @@ from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
 LARGEST_MEANT = 0.6  # A user does not mean a subtree with a larger fraction of the surface area.
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree has such a fraction.
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree's area fraction is within.
 HANDLES = 3  # per joint
 HELD_WELL = 0.7  # soft IoU from which a joint is held well
 LEGEND = {
@@ -49,7 +49,7 @@ class RiggedShape:
     name: str
     mesh: dfd.Mesh
     areas: Float64  # (V,) fraction of the surface area that belongs to each vertex
-    joints: tuple[str, ...]  # (J,) their names
+    joints: tuple[str, ...]  # (J,) names
     parent: Int64  # (J,) the parent of each joint, −1 for a root
     of_vertex: Int64  # (V,) the joint with the largest weight at each vertex, −1 for none
 
@@ -60,7 +60,7 @@ class RiggedShape:
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set that a user may mean by a handle at a vertex: names of joints, and their mask (V,)."""
+        """Yield every set that a user may mean by a handle at a vertex: names of joints, and a mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -84,7 +84,7 @@ class RiggedShape:
         return found
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """Yield lists of joints: the joint, then with its other side, with front and hind limbs, with all its kind."""
+        """Yield the joint alone, then with its other side, with this joint of all limbs, and with all of its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])

@@ -1,7 +1,7 @@
 """Compare weights, parts and handles with parts that people labelled.
 
-A folder for each category has files `N.off` and `N_labels.txt`. Labels have two lines for each part: its name, and its
-faces, counted from 1. Source: Kalogerakis, Hertzmann and Singh, "Learning 3D Mesh Segmentation and Labeling", 2010.
+A folder for each category has files `N.off` and `N_labels.txt`. A file of labels has two lines for each part: its name,
+and its faces, counted from 1. Source: Kalogerakis et al., "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from collections.abc import Iterator
@@ -18,12 +18,12 @@ from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
 EACH = 4  # handles per label
-FEW_FACES, FACES = 4_000, 20_000  # of a sample, in a quick and in a full run
+FEW_FACES, FACES = 4_000, 20_000  # faces of a sample, in a quick and in a full run
 LEGEND = {
-    "precision": "average precision for the handle's label of vertices ranked by weight, or by the named distance",
-    "part": "IoU of the label and the part at the handle, with its counterparts",
-    "grip": "soft IoU, Σ min(w, t) / Σ max(w, t) over the surface, for the weights w of a session and the label t",
-    "paper's grip": 'the same for a session with preset "paper"',
+    "precision": "average precision of vertices ranked by weight or distance, for the vertices with the handle's label",
+    "part": "IoU between the labelled part and the part (with its counterparts) that dfd finds at the handle",
+    "grip": "soft IoU Σ min(w, t) / Σ max(w, t) of weights w; t is 1 on the labelled part and 0 elsewhere",
+    "paper's grip": 'the same as grip, for a session with the preset "paper"',
 }
 
 

@@ -15,13 +15,13 @@ Handles = NDArray[np.integer]  # (H,) vertex indices
 
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
-    """Return the fraction (V,) of the surface area that belongs to each vertex: a third of each of its faces."""
+    """Return the fraction (V,) of the surface area of each vertex: a third of the area of its faces."""
     areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
-    """Return random vertices (H,), part after part: `each` of every part, or all of a smaller part."""
+    """Return random vertices (H,): `each` vertices of every part, or all if the part has fewer."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
@@ -37,7 +37,7 @@ def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
 
 
 def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
-    """Return the average precision (H,) of vertices ranked by each handle's weights, for the part of the handle.
+    """Rank vertices by each handle's weights, and return the average precision (H,) for the handle's part.
 
     The handle itself and vertices without a part are not ranked. A part without other vertices gives NaN.
     """
@@ -58,7 +58,7 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
 
 
 def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
-    """Return the weights (V,) in a session for each of `vertices` (H,) as the only handle."""
+    """Return for each of `vertices` (H,) the weights (V,) that it has as the only handle of a session."""
     found = []
     for vertex in vertices.tolist():
         held = session.add(vertex)

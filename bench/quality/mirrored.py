@@ -13,12 +13,12 @@ from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, 
 from dfd.common.linear_algebra import Float64, Int64
 
 EXACT = 0.02  # largest error of an exact mirror image, as a fraction of the part's size
-SYMMETRIC = 0.01  # largest difference of both sides from mirror images at rest, as a fraction of the part's size
-ANGLE, PULL = 30.0, 0.2  # in degrees, and as a fraction of the part's size
+SYMMETRIC = 0.01  # largest RMS distance at rest from an exact mirror image, as a fraction of the part's size
+ANGLE, PULL = 30.0, 0.2  # angle in degrees, and translation as a fraction of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
-    "apart": "fraction of the pairs of joints in which a handle on the left side moves several separate components",
-    "bend": f"of these, the fraction in which the right side mirrors a bend by {ANGLE:g}°; error at most {EXACT:.0%}",
+    "apart": "fraction of the pairs of joints for which a handle on the left side moves several separate components",
+    "bend": f"fraction of these whose right side mirrors a bend by {ANGLE:g}° with an error of at most {EXACT:.0%}",
     "twist": f"the same for a twist by {ANGLE:g}°",
     "turn": f"the same for a rotation by {ANGLE:g}°",
     "pull": f"the same for a translation by {PULL:.0%} of the part's size",
@@ -27,9 +27,9 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The vertices of a joint with its descendants, and those of its counterpart. "Left" is the side listed first."""
+    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the joint listed first."""
 
-    vertex: int  # position of the handle: the vertex of the left joint that is nearest to its center
+    vertex: int  # position of the handle: the vertex of the left joint nearest to the joint's center
     left: Int64  # (N,) vertex indices
     right: Int64  # (N,) indices of the vertices nearest to the mirror images of `left`
     axis: int  # index of the coordinate that the mirror image negates
@@ -49,7 +49,7 @@ def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return the numbers that `LEGEND` explains; those after the first are NaN if the first is 0."""
+    """Return the numbers that `LEGEND` explains. If the first is 0, all others are NaN."""
     session = dfd.Deformer(shape.mesh, field)
     found = [_errors(session, pair) for pair in pairs_of(shape)]
     exact = [np.array(errors) <= EXACT for errors in found if errors]
@@ -58,7 +58,7 @@ def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
 
 
 def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
-    """Return the error of each motion of a handle on the left side; an empty list if it moves only one component."""
+    """Return the error of each motion of a handle on the left side; [] if the handle moves only one component."""
     held = session.add(pair.vertex)
     found = []
     if len(session.counterparts(held)) > 1:

@@ -54,7 +54,7 @@ FAMILIES = (
 
 
 def kind_of_part(joint: str, patterns: Sequence[tuple[str, str]] = KINDS) -> str | None:
-    """Return the part of a joint: that of the first of `patterns` that matches its name, or None."""
+    """Return the part that the first matching pattern gives to a joint's name; None if no pattern matches."""
     return next((part for part, pattern in patterns if re.search(pattern, joint.lower())), None)
 
 

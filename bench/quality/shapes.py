@@ -35,7 +35,7 @@ def made(faces: int) -> list[Shape]:
 
 
 def characters(folder: Path) -> Iterator[Shape]:
-    """Yield every skinned GLB in `folder` with the parts of `MERGED`: the whole mesh, and one without accessories."""
+    """Yield the shape in every skinned GLB in `folder` with the parts of `MERGED`: whole, and without accessories."""
     for name, whole, names, joints in _skinned(folder):
         if (joints < 0).all():
             continue
@@ -75,9 +75,9 @@ def _skinned(folder: Path) -> Iterator[tuple[str, dfd.Mesh, tuple[str, ...], Int
 
 
 def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
-    """Return the distinct names (J,) of the joints of a glTF file, and the joint (V,) of largest weight at each vertex.
+    """Return the distinct names (J,) of a glTF file's joints, and the joint (V,) with the largest weight at a vertex.
 
-    Vertices without a skin have −1. Raises ValueError if the joints or weights of a skin cannot be read.
+    Vertices without a skin have the joint −1. Raises ValueError if the joints or weights of a skin cannot be read.
     """
     data, found = mesh.scene.gltf, np.full(len(mesh.vertices), -1)
     header, nodes = data.header, objects(data.header, "nodes")
@@ -105,7 +105,7 @@ def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
 def label_vertices(
     names: tuple[str, ...], of_vertex: Int64, patterns: Sequence[tuple[str, str]], fewest: int = 1
 ) -> tuple[Int64, tuple[str, ...]]:
-    """Return the index (V,) of the part of each vertex by `patterns`, and the parts with at least `fewest` vertices.
+    """Return the index (V,) of each vertex's part by `patterns`, and the parts that have at least `fewest` vertices.
 
     `names` (J,) and `of_vertex` (V,) are the results of `strongest_joints`. Vertices of no part, such as those of a
     sword or a cape, have −1.

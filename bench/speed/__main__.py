@@ -20,7 +20,7 @@ from .made_input import VERTICES, Call, MadeInput, make_input
 from .measure import Timing, copying, product, reading, together
 
 COLUMNS = ("call", "best ms", "median ms", "spread ms", "other call", "its best ms", "ratio", "largest allowed", "met")
-TORCH_VERTICES = 200_000  # torch needs too much memory for more
+TORCH_VERTICES = 200_000  # largest number for torch, which needs much memory
 
 Row = list[Any]
 

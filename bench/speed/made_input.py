@@ -1,4 +1,4 @@
-"""Make input of any size, with features of low rank like those of a field, and the calls that benchmarks time."""
+"""Make input of any size, with features of low rank, similar to a field's, and make the calls that benchmarks time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ def make_input(vertex_count: int = VERTICES) -> MadeInput:
 
 
 def mirrored_field() -> dfd.Field:
-    """Return a field with random weights that ignores x, so that both sides of x = 0 have equal features."""
+    """Return a random field that does not depend on x, so that both sides of x = 0 have equal features."""
     random = np.random.default_rng(0)
     parameters = {
         name: (random.standard_normal(shape) / np.sqrt(shape[-1])).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Time calls. Some of them show the machine's limits: reading and copying memory, and multiplying matrices."""
+"""Time calls. Some calls measure the limits of the machine: reading and copying memory, and multiplying matrices."""
 
 import time
 import warnings

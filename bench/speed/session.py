@@ -24,7 +24,7 @@ Row = dict[str, float]
 
 
 def field() -> dfd.Field:
-    """Return a quadruped's field, from few small pictures: the quality of a field does not change the times."""
+    """Return a quadruped's field, made from few small pictures, because the times do not depend on its quality."""
     return dfd.distill(dfd.samples.quadruped(10_000).mesh, cache=False, views=6, resolution=224, steps=100)
 
 
@@ -38,7 +38,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 
 
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
-    """Return the seconds of each of `STEPS` in one session; for "memory", the GB that the session adds at its peak."""
+    """Return the seconds of each of `STEPS` in one session; for "memory", the peak memory in GB without the mesh."""
     mesh = shape(vertex_count)
     before = _resident()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)

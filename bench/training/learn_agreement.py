@@ -1,8 +1,8 @@
-"""Learn the probability that a transferred handle moves the corresponding part, from rigs of one family.
+"""Learn the probability that a transferred handle moves the corresponding part, from pairs of rigs of the same family.
 
 A handle moves the subtrees of some joints of one rig. It is right on another rig if it moves the subtrees of the same
 joints there, with an IoU of at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
-`dfd.editing.agreement`, and which fraction of handles is right in families that were left out, by their probability.
+`dfd.editing.agreement`, and for families that were left out, how many handles of high probability are right.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""`python -m bench.training.learn_metric`: learn a metric of features that separates parts, and test it.
+"""`python -m bench.training.learn_metric`: learn a metric, a map of features that separates parts, and test it.
 
 The training shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd.
 `--lessons` adds a folder with rigs and people. The features of each shape are cached in a file. Training on the same
@@ -28,10 +28,10 @@ from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # With the 13 kinds of parts, a mapped feature then has 64 dimensions.
+DIRECTIONS = 51  # number of discriminants; with the 13 kinds of parts, a mapped feature has 64 dimensions
 RIDGE = 1.0  # regularization, as a multiple of the mean variance within parts
-POWER = 0.125  # The length of a direction is its ratio of variances to this power.
-FACES = 20_000  # of each sample
+POWER = 0.125  # The length of a direction is its ratio of variances raised to this power.
+FACES = 20_000  # number of faces of each sample
 EACH, SEEDS = 8, 3  # handles that are drawn from every part, and number of draws
 
 # Settings of the network that classifies features by kind of part.
@@ -42,7 +42,7 @@ POINTS = 80  # largest number of vertices of a part that are used
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
 LABEL_SMOOTHING = 0.05  # makes the network less certain of unknown shapes
-FAMILY_POWER = 0.5  # The weight of a family is its number of shapes to this power.
+FAMILY_POWER = 0.5  # The weight of a family is its number of shapes raised to this power.
 SCALE = 20.0  # factor on features, about √384, so that the inputs are near 1
 
 
@@ -67,10 +67,10 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
-    """Return the directions with the largest variance between parts divided by the variance within parts.
+    """Return the directions with the largest ratio of the variance between parts to the variance within parts.
 
-    They map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. Each direction is scaled to
-    unit variance within parts, then multiplied by a power of its ratio of variances.
+    They are matrices that map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. Each
+    direction is scaled to unit variance within parts, then multiplied by a power of its ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
     discriminant analysis", 1989.
@@ -137,7 +137,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return a report: the precision on each shape with features alone, and with the metric of the other families."""
+    """Return a report: the precision on each shape with features alone, and with a metric of other families."""
     rows: list[list[Any]] = []
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):

@@ -30,11 +30,11 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, VIEWS_CACHE = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or the second if that is doubtful
+KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or the second likeliest if in doubt
 KEPT_OWN = 0.97  # smallest fraction of shapes from DFD_MESHES and samples whose upright axis is the likeliest
 KEPT_UP = 0.985  # smallest fraction of shapes that are not found upside down
 Z_SHARE = 0.35  # prior log-odds of the file's ±z divided by those of its +y; many files have z up
-PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # tried log-odds of +y, and how much lower −y is
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # tried log-odds: of +y, and those of +y minus of −y
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -82,7 +82,7 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
 
 
 def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons. Odds and priors are fitted to the votes of probes that left out the shape."""
+    """Return the probe of all lessons. Odds and priors are fitted to votes that were learned without the shape."""
     votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
     up, down = least_priors(lessons)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))
@@ -118,7 +118,7 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
 def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
     """Return the prior log-odds of the file's +y and −y: the smallest for +y with which enough shapes stay upright.
 
-    `KEPT`, `KEPT_OWN` and `KEPT_UP` define what is enough. The log-odds of −y are the largest that satisfy them, too.
+    `KEPT`, `KEPT_OWN` and `KEPT_UP` define what is enough. For −y, the log-odds are the largest that are enough.
     """
     odds = left_out_odds(lessons, "name")
     rows = np.stack([each[-1] for each in odds.values()])

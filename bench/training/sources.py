@@ -19,7 +19,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-LARGEST_FAMILY = 12  # models of a family that are used, so that large packs do not dominate
+LARGEST_FAMILY = 12  # largest number of models of a family, so that large packs do not dominate
 # Words in the names of models that have no up direction, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
@@ -39,7 +39,7 @@ def run(
     learn: Callable[[tuple[Any, ...], Encoder], Any],
     report: Callable[[tuple[Any, ...]], str],
 ) -> None:
-    """Run a command that learns from lessons, and writes the result, by default to `folder`, and a report.
+    """Run a command: learn from lessons, write the result, by default to `folder`, and write a report.
 
     A lesson is the data of one shape. `lessons_of` takes the folders DFD_MESHES and `--lessons`, and the encoder.
     """
@@ -69,7 +69,7 @@ def cached_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) ->
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Yield the files from which up is learned: all in `meshes`, and the first few of each family in `lessons`."""
+    """Yield the files from which up is learned: all of `meshes`, and the first few of each family of `lessons`."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
     taken: Counter[str] = Counter()

@@ -27,7 +27,7 @@ NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a right can
 TILTED = 0.5  # weight of pictures along random axes; those along the axes of the shape have weight 1
 
 Choice = tuple[Float64, Bool]  # the terms (K, 9) of K candidates for up, and whether each is right (K,)
-# The choices of a shape: with the pictures around each of `FRAMES`, with all pictures, and of the tilted shape.
+# Choices for one shape: from the pictures around each of `FRAMES`, from all pictures, and for the tilted shape.
 Choices = tuple[list[Choice], list[Choice], list[Choice]]
 
 
@@ -63,7 +63,7 @@ Group = Literal["family", "name"]  # the lessons that are left out to test a sha
 
 
 class Ridge:
-    """Learn a linear vote by ridge regression, from all lessons or from all except some.
+    """Learn a linear vote by ridge regression, from all lessons or without some of them.
 
     The J blocks of terms have equal weight, independent of the spread of their tokens.
     """
@@ -91,7 +91,7 @@ class Ridge:
 
 
 class Votes:
-    """Learn probes without odds. Their quadratic form votes for the upright axis, their vector for its upper end."""
+    """Learn probes without odds: a quadratic form votes for the upright axis, and a vector for its upper end."""
 
     def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
@@ -155,7 +155,7 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -
     """Return the odds (3, 9) of an `UpProbe`, learned without the lessons that `without` names.
 
     Each shape counts twice: with votes learned without its family, and with votes learned without itself only. A new
-    shape, too, may or may not belong to a known family.
+    shape may or may not belong to a known family.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
@@ -194,8 +194,8 @@ def fit_odds(choices: Sequence[Choice]) -> Float64:
 def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Float64]:
     """Return, by name, log-odds (7, 6) of every shape's six candidates for up.
 
-    Six rows use the pictures around one of `FRAMES`, and the last uses all pictures. Votes are learned without the
-    shape's group. Odds are learned without a fold of groups that includes it: once per fold instead of once per group.
+    Six rows use the pictures around one of `FRAMES`, and the last row uses all pictures. Votes are learned without the
+    shape's group. Odds are learned without a fold of several groups, among them the shape's group, to save time.
     """
     found: dict[str, Float64] = {}
     groups = list(dict.fromkeys(getattr(each, group) for each in lessons))

@@ -1,4 +1,4 @@
-"""Compute the data from which the metric is learned: an encoder's features and the thickness at a shape's vertices."""
+"""Compute the data from which the metric is learned: an encoder's features and the thickness at vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,7 +77,7 @@ def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
 
 
 def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> tuple[Float32, Float32]:
-    """Return the features and thickness of a `Lesson`, for a mesh +y up; `changes` are settings of `dfd.distill`."""
+    """Return the features and thickness of a `Lesson`. The mesh has +y up; `changes` are settings of `dfd.distill`."""
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)

@@ -1,12 +1,12 @@
 """Run the code on the pages, and insert its output and pictures.
 
-All `python` fences of a page run in one namespace. In `sh` fences, the lines that begin with `dfd` run as commands. If
-Python and a command write the same mesh, its vertices must be equal. The build replaces these lines:
+All `python` code blocks of a page share their variables. In `sh` code blocks, the lines that begin with `dfd` run as
+commands. If Python and a command write the same mesh file, its vertices must be equal. The build replaces these lines:
 
-    <!-- output -->        the output of the fence above
-    <!-- draw NAME -->     pictures of the page's variable NAME, which a fence above or below defines. A session gives
-                           pictures before and after the edit, and one of the weights. A dict maps captions to
-                           sessions, pictures, or pairs of a mesh and options of `picture`.
+    <!-- output -->        the output of the code block above
+    <!-- draw NAME -->     pictures of the page's variable NAME, which a code block above or below defines. A session
+                           gives pictures before and after the edit, and a picture of the weights. A dict maps captions
+                           to sessions, pictures, or pairs of a mesh and options of `picture`.
 """
 
 import contextlib
@@ -37,9 +37,9 @@ FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
 RESOLUTION = 360
-MARKS = ("handles", "fixed", "labels")  # options of `picture`
-TOLERANCE = 1e-4  # fraction of the box's diagonal by which equal vertices may differ: files have 32-bit floats
-MARGIN = 6  # pixels around the shapes of a strip
+MARKS = ("handles", "fixed", "labels")  # the options of `picture` that draw marks
+TOLERANCE = 1e-4  # vertices that differ by less than this fraction of the diagonal count as equal (32-bit files)
+MARGIN = 6  # pixels around the shapes in a row of pictures
 SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
 
 Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures from top to bottom
@@ -62,7 +62,7 @@ def _make_shapes(app: Sphinx) -> None:
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Let Sphinx read the page `SHAPES` last, because it shows pictures of other pages."""
+    """Let Sphinx read the page `SHAPES` last, because this page shows pictures of other pages."""
     names.sort(key=SHAPES.__eq__)
 
 
@@ -106,7 +106,7 @@ class _Page:
         return step[0]
 
     def _command(self, line: str) -> str:
-        """Run a line of an `sh` fence if it is a command of dfd, and return its output."""
+        """Run a line of an `sh` code block if it is a command of dfd, and return its output."""
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
@@ -139,7 +139,7 @@ class _Page:
 
 
 def _cells(value: Any) -> list[Cell]:
-    """Return captioned pictures: of a session, its three stages; of a session in a dict, weights above the result."""
+    """Return captioned pictures: three stages of a session, or weights above the result for each session in a dict."""
     if isinstance(value, dfd.Deformer):
         stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
         return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
@@ -158,7 +158,7 @@ def _cells(value: Any) -> list[Cell]:
 
 
 def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
-    """Return the options of `picture` for each stage of a session; all `sessions` have the same camera."""
+    """Return the options of `picture` for each stage of a session, with one camera for all `sessions`."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
     # The camera faces the handles, but stays within 45° of the front, where viewers recognize a shape.

@@ -1,4 +1,4 @@
-"""Generate reference tables from the code: the result of a function NAME replaces `<!-- generated NAME -->`."""
+"""Generate reference tables from the code. The result of the function NAME replaces `<!-- generated NAME -->`."""
 
 import html
 import json

@@ -1,7 +1,7 @@
 """Compute biharmonic coordinates on tetrahedra, by a direct solve and by the small system of OptCtrlPoints.
 
 Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-OptCtrlPoints factors the energy, which libigl for Python does not return. This module therefore assembles it.
+OptCtrlPoints factors the energy matrix, which libigl for Python does not return. So this module assembles the matrix.
 """
 
 from collections.abc import Callable
@@ -16,11 +16,11 @@ from scipy.sparse.linalg import splu
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
-Solve = Callable[[Int64], Float64]  # from distinct handles, nodes (K,), to their weights (N, K) at all nodes
+Solve = Callable[[Int64], Float64]  # maps handles, distinct nodes (K,), to their weights (N, K) at all nodes
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy that are 1 at their handle and 0 at others. Affine maps are exact."""
+    """Prepare weights of least biharmonic energy: 1 at their handle, 0 at other handles. Affine maps are exact."""
     return _binding(body, direct(body.within))
 
 
@@ -44,7 +44,7 @@ def _binding(body: Body, solve: Solve) -> Bind:
 
 
 def direct(within: Tetrahedra) -> Solve:
-    """Assemble the energy. Return a solver, which factors the rows of all free nodes for every set of handles."""
+    """Assemble the energy matrix. Return a solver that factors the rows of the free nodes for each set of handles."""
     nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
 
     def solve(handles: Int64) -> Float64:
@@ -66,7 +66,7 @@ def direct(within: Tetrahedra) -> Solve:
 
 
 def small_system(within: Tetrahedra) -> Solve:
-    """Factor the energy once, with four nodes fixed, which gives a generalized inverse G. Return a solver.
+    """Factor the energy matrix with four fixed nodes, which gives a generalized inverse G. Return a solver.
 
     For K handles, the solver uses a dense system of K + 4 equations, as Kim et al. do: W = G S Λ + P C. S selects the
     handles, and P spans the affine functions, whose energy is 0. With fewer than four handles, the system has several
@@ -102,8 +102,8 @@ def _factored(energy: csc_array, free: Int64) -> Any:
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     """Return the squared Laplacian (N, N) without boundary conditions. Its null space is the affine functions.
 
-    It is (L + B)ᵀ M⁻¹ (L + B) with lumped masses M. L integrates −∇φ·∇u over the volume. B integrates φ ∂u/∂n over the
-    boundary triangles. For an affine u, L + B then gives 0 at every node.
+    The matrix is (L + B)ᵀ M⁻¹ (L + B) with lumped masses M. L integrates −∇φ·∇u over the volume. B integrates φ ∂u/∂n
+    over the boundary triangles. For an affine u, L + B then gives 0 at every node.
     """
     positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size only scales the energy
     volumes = np.abs(igl.volume(positions, cells))

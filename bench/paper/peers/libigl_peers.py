@@ -6,7 +6,7 @@ import numpy as np
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, check_components, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
-ITERATIONS = 100  # of ARAP
+ITERATIONS = 100  # largest number of iterations of ARAP
 
 
 def arap(body: Body) -> Bind:
@@ -25,7 +25,7 @@ def arap(body: Body) -> Bind:
 def bounded(body: Body) -> Bind:
     """Prepare bounded biharmonic weights on tetrahedra (Jacobson et al., 2011).
 
-    Every group of held vertices has one column of weights, from 0 to 1, and so have all fixed vertices. Rows sum to 1.
+    Each group of held vertices has a column of weights from 0 to 1. The fixed vertices form one group. Rows sum to 1.
     """
 
     def bind(held: Int64, group: Int64) -> Deform:

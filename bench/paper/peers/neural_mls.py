@@ -15,8 +15,8 @@ from dfd.common.linear_algebra import Float64, Int64
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends
-MOST_SECONDS = 40.0  # of training
-RIDGE = 1e-4  # multiple of the identity added to a covariance matrix, so that an undetermined rotation becomes none
+MOST_SECONDS = 40.0  # longest duration of the training
+RIDGE = 1e-4  # multiple of the identity added to a covariance matrix; undetermined rotations then become 0
 BATCH = 1 << 15  # vertices that are computed at once
 
 
@@ -37,7 +37,7 @@ def neural_mls(body: Body) -> Bind:
             weights = [network(some.float()).softmax(dim=1).double() for some in points.split(BATCH)]
 
         def deform(targets: Float64) -> Float64:
-            """Move every vertex by the rigid motion from control points to targets that fits its weights best."""
+            """Move each vertex by the rigid motion of control points to targets that fits its weights best."""
             wanted = scaled(targets)
             pairs = (control[:, :, None] * wanted[:, None]).reshape(-1, 9)
             moved = []
@@ -57,7 +57,7 @@ def neural_mls(body: Body) -> Bind:
 
 
 def trained(control: torch.Tensor) -> torch.nn.Module:
-    """Return a network that is trained to return the index of each control point (N, 3) from its position."""
+    """Train a network that returns the index of a control point (N, 3) from its position, and return it."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
         widths = [3, *[WIDTH] * HIDDEN, len(control)]

@@ -26,7 +26,7 @@ from dfd.common.linear_algebra import Float64, Int64
 PATIENCE = 300.0  # time limit for all steps of one peer on one shape, seconds
 FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the diagonal
-MOST_FACES = 6_000  # A surface is simplified to this before it is filled. More would take minutes on two cores.
+MOST_FACES = 6_000  # number of faces of the filled surface; filling more would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
 
 
@@ -62,8 +62,8 @@ class Body:
     within: Tetrahedra | None = None
 
 
-Deform = Callable[[Float64], Float64]  # from target positions (N, 3) of the held vertices to all vertices (V, 3)
-# From held vertices (N,) and their groups (N,) to a `Deform`. Vertices of one group move together, of −1 not at all.
+Deform = Callable[[Float64], Float64]  # maps target positions (N, 3) of the held vertices to all vertices (V, 3)
+# Maps held vertices (N,) and their groups (N,) to a `Deform`. Vertices of one group move together; group −1 is fixed.
 Bind = Callable[[Int64, Int64], Deform]
 
 
@@ -72,7 +72,7 @@ class Peer:
     """A method in three timed steps: prepare a shape, bind handles, deform. Each step may raise PeerError."""
 
     prepare: Callable[[Body], Bind]
-    volume: bool = False  # whether it needs tetrahedra
+    volume: bool = False  # whether the method needs tetrahedra
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Job:
     """The constraints of one deformation."""
 
     held: Int64  # (N,) vertex indices
-    group: Int64  # (N,) group of each held vertex, below 0 for those that stay
+    group: Int64  # (N,) group of each held vertex, below 0 for fixed vertices
     targets: Float64  # (N, 3) positions that the held vertices shall reach, mesh units
 
 
@@ -103,8 +103,8 @@ def run(
 ) -> list[Done]:
     """Run `jobs` on one shape with one peer, in a separate process, within `patience` seconds.
 
-    Tetrahedra have edges of `edge` times the diagonal. They fill the shape simplified to `most_faces`. With None, they
-    fill the whole shape, within another `patience` seconds.
+    Tetrahedra have edges of `edge` times the diagonal. They fill a copy of the shape with `most_faces` faces. With
+    None, they fill the shape itself, within another `patience` seconds.
 
     Raises PeerError if the peer does not support the shape or the handles, fails, crashes or takes too long.
     """
@@ -177,7 +177,7 @@ cached: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages use th
 def tetrahedra(
     vertices: Float64, faces: Int64, patience: float, most_faces: int | None = None, edge: float = EDGE
 ) -> Tetrahedra:
-    """Simplify a surface to `most_faces`, and fill it with tetrahedra; once per process, then return the cached result.
+    """Simplify a surface to `most_faces` faces, and fill it with tetrahedra. The result is cached in this process.
 
     Raises PeerError if the surface cannot be filled within `patience` seconds.
     """
