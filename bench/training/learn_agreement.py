@@ -1,8 +1,8 @@
 """Learn the probability that a handle transferred to another rig of its family moves the corresponding part.
 
 The handles move the subtrees of some joints of their rig, with an IoU of at least 0.6. A transferred handle is right if
-it moves the subtrees of the same joints there. `python -m bench.training.learn_agreement FOLDER…` prints the constants
-of `dfd.editing.agreement`, and how many probable handles are right if the constants come from all other families.
+it does so for the same joints of the other rig. `python -m bench.training.learn_agreement FOLDER…` prints the constants
+of `dfd.editing.agreement`. To test them, it predicts each family by constants that are learned from other families.
 """
 
 import argparse
