@@ -28,30 +28,30 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # seconds in a quick and a full run: for a peer's tetrahedra, and again for its other steps
-PEER_HANDLES = 10  # handles of a timed peer, by farthest point sampling; some peers need several
+PATIENCE = (40.0, 600.0)  # limits in a quick and a full run: seconds for tetrahedra, and the same for all other steps
+PEER_HANDLES = 10  # handles when a peer is timed; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
 BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
-NEAR = 0.005  # largest distance of neighboring vertices of two components, relative to the diagonal
+NEAR = 0.005  # vertices of two components are neighbors if they are closer than this fraction of the diagonal
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
 DIVISORS = (1, 2, 8)  # after remeshing, no edge is longer than the mean edge length divided by this
-RENDERING = ("simplify", "render")  # the stages that the paper's time R includes
+RENDERING = ("simplify", "render")  # stages of `dfd.distill` that `fig18` counts as R
 
 COUNTS = (1, 10, 100)  # handles per set in Table 3
 SOLID = ("spot", "koala", "fox", "scorpion", "shark", "boat", "quadruped")
 REBOUND = dict.fromkeys((*SOLID, "kaykit_chair_A", "table_roundlarge", "chair"))
-# Seconds of the paper's Table 3, by COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.
+# Seconds in the paper's Table 3 for each of COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.
 PAPER_SECONDS = {"DFD, forward pass": (0.004, 0.012, 0.034), "OptCtrlPoints": (4.6, 11.35, 21.8)}
 EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # edge lengths of tetrahedra, as fractions of the diagonal
 
 TICKED = dict.fromkeys(("spot", "quadruped"))
 TICKED_FACES = ((1_000, 8_000), (4_000, 32_000))
-MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # for ticks: ratio of face counts, fraction of a motion, seconds
+MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # limits for ticks; the text of `table1` explains them
 FOOT = BoxHandle((0.2, 0.0, 0.2), (0.0, -0.15, 0.0))
 PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
-TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x: the paper has a tick
+TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x: the paper ticks this property
 
 
 def fig10(context: Context) -> Page:
@@ -74,10 +74,10 @@ def fig10(context: Context) -> Page:
                     row["note"] = str(error)
                 rows.append(row)
     text = (
-        "Preprocess: `dfd.distill` without loading the encoder; for biharmonic coordinates, fTetWild's tetrahedra for "
-        "all faces, and the energy. Bind: the field's forward pass and the weights of one handle; for other methods, "
-        f"the factorization or the network for {PEER_HANDLES} handles. Rebind: the weights of a further handle. The "
-        "seconds of DFD are medians of repeated calls. The other methods run once, with a limit of "
+        "Preprocess: DFD runs `dfd.distill`, with a loaded encoder. For biharmonic coordinates, fTetWild makes "
+        "tetrahedra, and the energy matrix is computed. Bind: DFD evaluates the field and computes the weights of one "
+        f"handle. The other methods factor a matrix or train a network, for {PEER_HANDLES} handles. Rebind: DFD "
+        "computes the weights of another handle. Seconds of DFD are medians. Other methods run once, with a limit of "
         f"{context.quick_or_full(PATIENCE):g} s for tetrahedra, and the same for all other steps. The paper's plot has "
         "no numbers. Its text says that biharmonic coordinates fail above 10⁵ faces. APAP is not available."
     )
@@ -129,7 +129,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     """Return the numbers of non-manifold elements and of holes, as in Fig. 18, and the boundary edges (B, 2).
 
     Vertices at the same position are merged first. Non-manifold elements are edges with more than two faces, and
-    vertices away from these edges whose faces do not form one fan. Holes that share a vertex count as one.
+    vertices without such an edge whose faces do not form one fan. Holes that share a vertex count as one.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -142,7 +142,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
 
 
 def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
-    """Return the mean distance by which neighbors (see `NEAR`) move apart; None if there are no neighbors."""
+    """Return the mean distance between the displacements of two neighbors (see `NEAR`); None without neighbors."""
     faces = first_at_place(mesh)[mesh.faces]
     component = np.full(len(mesh.vertices), -1)
     component[faces] = face_components(faces.astype(np.int32))[:, None]
@@ -175,15 +175,15 @@ def fig17(context: Context) -> Page:
 
     text = (
         "Boundary vertices are red. Two vertices of different components are neighbors if their distance at rest is "
-        f"below {NEAR:.1%} of the diagonal. The gap is the mean distance by which neighbors move apart, in % of the "
-        "largest motion. The paper's example has 3,804 boundary edges, 70 components and 12 non-manifold edges."
+        f"below {NEAR:.1%} of the diagonal. The gap is the mean distance between the displacements of two neighbors, "
+        "in % of the largest motion. The paper has 3,804 boundary edges, 70 components and 12 non-manifold edges."
     )
     subjects = context.subjects(BROKEN, (2, 4))
     return gallery(subjects, lambda subject: {"pull": subject.pull()}, torn, text, source=marked)
 
 
 def remeshed(shape: Shape, divisor: int) -> Shape:
-    """Remesh a shape until no edge is longer than the mean length divided by `divisor`. With 1, return the shape."""
+    """Remesh a shape until no edge exceeds the mean edge length divided by `divisor`. With 1, return the shape."""
     if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
@@ -214,7 +214,7 @@ def fig18(context: Context) -> Page:
         return {**size, **taken[subject.shape.name, subject.preset], "I s": inference}
 
     text = (
-        "#NM: number of edges with more than two faces, and of vertices whose faces form more than one fan. #H: number "
+        "#NM: number of edges with more than two faces, plus vertices whose faces form more than one fan. #H: number "
         "of holes. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds for the "
         "features of all vertices, the weights of one handle, and the posed shape. Each mesh is shown as it is, and "
         "remeshed by trimesh to shorter edges. The paper distills Lucy, 28 million faces, within a minute (NVIDIA A40)."
@@ -324,7 +324,7 @@ def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
 
 
 def speedup(rows: Sequence[Row]) -> float:
-    """Return the time of OptCtrlPoints divided by the time of DFD, for one handle and the most nodes."""
+    """Return the time of OptCtrlPoints divided by the time of DFD, for one handle on the largest number of nodes."""
     own = [row for row in rows if row.get("nodes")]
     most = max((row["nodes"] for row in own), default=0)
     seconds = {row["method"]: row["1 handle s"] for row in own if row["nodes"] == most}

@@ -1,7 +1,7 @@
 """Measure how well a handle moves the subtree of a joint, in the rigs of characters and animals.
 
 The subtree of a joint is all vertices of the joint and its descendants. A user who adds a handle there may mean this
-subtree, or the subtree of an ancestor. The user may mean it alone, on both sides, on all limbs, or for all of its kind.
+subtree or the subtree of an ancestor: alone, on both sides, on all limbs, or for all joints of the same kind.
 """
 
 import re
@@ -22,18 +22,18 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
-LARGEST_MEANT = 0.6  # A user does not mean a subtree with a larger fraction of the surface area.
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree's area fraction is within.
-HANDLES = 3  # per joint
-HELD_WELL = 0.7  # soft IoU from which a joint is held well
+LARGEST_MEANT = 0.6  # largest fraction of the surface area in a subtree that a user may mean
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # bounds of the area fraction in subtrees of joints that get handles
+HANDLES = 3  # largest number of handles per joint
+HELD_WELL = 0.7  # smallest mean soft IoU of a joint's handles if the joint is held well
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
     "left behind": "the fraction of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }
-# In rigs for inverse kinematics, feet are children of a root. `read_rigged` makes them children of a bordering limb.
+# In rigs for inverse kinematics, feet and hands are children of a root. `read_rigged` makes them children of a limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Joints of the Unreal mannequin, without side, each after its parent. Files with a flat list of joints use this tree.
+# Joints of the Unreal mannequin, without sides, each after its parent. Files without parents of joints get this tree.
 CHAINS = (
     "root pelvis spine_01 spine_02 spine_03 neck_01 head",
     "spine_03 clavicle upperarm lowerarm hand",
@@ -60,7 +60,7 @@ class RiggedShape:
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set that a user may mean by a handle at a vertex: names of joints, and a mask (V,)."""
+        """Yield every set that a user may mean by a handle at a vertex: the names of its joints, and its mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -68,7 +68,7 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
-        """Return the best soft IoU of `weights` (V,) with a set of `meant`, and the fraction that is left behind."""
+        """Return the best soft IoU of `weights` (V,) with any set of `meant`, and the fraction that is left behind."""
         own = self.subtree(int(self.of_vertex[vertex]))
         best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())
@@ -84,7 +84,7 @@ class RiggedShape:
         return found
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """Yield the joint alone, then with its other side, with this joint of all limbs, and with all of its kind."""
+        """Yield the joint alone, then this joint on both sides, then on all limbs, and then all joints of its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])
@@ -93,7 +93,7 @@ class RiggedShape:
 
 
 def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
-    """Yield the rigs of the GLB files in a folder that have a joint for handles; `quick` reads two files.
+    """Yield the rigs of the GLB files in a folder, except rigs whose joints get no handles; `quick` reads two files.
 
     Raises ValueError if the folder has no GLB file.
     """
@@ -128,7 +128,7 @@ def read_rigged(path: Path) -> RiggedShape:
 
 
 def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
-    """Return the parent (J,) of each joint from the nodes of the file, or from `MANNEQUIN` if no joint has one."""
+    """Return the parent (J,) of each joint from the nodes of the file, or from `MANNEQUIN` if no joint has a parent."""
     header = mesh.scene.gltf.header
     nodes, above = objects(header, "nodes"), parents(header)
     number = {name: index for index, name in enumerate(joints)}
@@ -155,7 +155,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """Return the joint to which most edges lead from the subtree of `joint`, or its parent if no edge leads out."""
+    """Return the joint to which most edges lead from the subtree of `joint`, or the joint's parent if no edge does."""
     inside = shape.subtree(joint)
     edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])

@@ -1,8 +1,8 @@
-"""Learn the probability that a transferred handle moves the corresponding part, from pairs of rigs of the same family.
+"""Learn the probability that a handle transferred to another rig of its family moves the corresponding part.
 
-A handle moves the subtrees of some joints of one rig. It is right on another rig if it moves the subtrees of the same
-joints there, with an IoU of at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints the constants of
-`dfd.editing.agreement`, and for families that were left out, how many handles of high probability are right.
+The handles move the subtrees of some joints of their rig, with an IoU of at least 0.6. A transferred handle is right if
+it does so for the same joints of the other rig. `python -m bench.training.learn_agreement FOLDER…` prints the constants
+of `dfd.editing.agreement`. To test them, it predicts each family by constants that are learned from other families.
 """
 
 import argparse
@@ -21,14 +21,14 @@ from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # smallest IoU of a handle that is right
-SHARED = 0.6  # smallest fraction of joint names that are equal in two compared rigs
+RIGHT = 0.6  # smallest IoU between the moved vertices and the subtrees for a handle that is right
+SHARED = 0.6  # handles are transferred to rigs with more than this fraction of the own rig's joint names
 TARGETS = 3  # largest number of rigs to which each handle is transferred
-FAMILY_POWER = 0.5  # The weight of a family is its number of handles to this power.
+FAMILY_POWER = 0.5  # the weight of a family is its number of handles, raised to this power
 
 
 def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
-    """Transfer a handle of every joint to other rigs; yield its family, `differences` (2,) and whether it is right."""
+    """Transfer a handle of each joint to other rigs; yield its family, `differences` (2,), and whether it is right."""
     generator = np.random.default_rng(0)
     for shape, session in shapes:
         family, names = family_of(shape.name), set(shape.joints)
@@ -50,7 +50,7 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return the three constants of `agreement` that maximize the likelihood of `right` (N,) for `rows` (N, 2)."""
+    """Return the constants (3,) of `agreement` by weighted maximum likelihood, from `rows` (N, 2) and `right` (N,)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:
@@ -72,12 +72,12 @@ def main() -> None:
     families = np.array([family for family, *_ in found])
     rows, right = np.array([row for _, row, _ in found]), np.array([each for *_, each in found])
     weight = np.array([(families == family).sum() ** (FAMILY_POWER - 1.0) for family in families])
-    odds = np.zeros(len(found))
+    log_odds = np.zeros(len(found))
     for family in set(families):
         kept = families != family
         constants = fitted(rows[kept], right[kept], weight[kept])
-        odds[~kept] = constants[0] - rows[~kept] @ constants[1:]
-    confidence = 1.0 / (1.0 + np.exp(-odds))
+        log_odds[~kept] = constants[0] - rows[~kept] @ constants[1:]
+    confidence = 1.0 / (1.0 + np.exp(-log_odds))
     print(f"{len(found)} handles, {right.mean():.1%} right; constants {fitted(rows, right, weight).round(2)}")
     for least in (0.5, 0.7, 0.8, 0.9):
         some = confidence >= least

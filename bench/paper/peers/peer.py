@@ -1,4 +1,4 @@
-"""Run and time a peer, a method that DFD is compared with, in a separate process that may hang or crash.
+"""Run and time a peer, a method that DFD is compared with. It runs in a separate process, because it may hang or crash.
 
 fTetWild fills surfaces with tetrahedra for peers (Hu et al., "Fast Tetrahedral Meshing in the Wild", 2020).
 """
@@ -23,10 +23,10 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # time limit for all steps of one peer on one shape, seconds
+PATIENCE = 300.0  # time limit for all steps of one peer on one shape, without its tetrahedra, seconds
 FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
-EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the diagonal
-MOST_FACES = 6_000  # number of faces of the filled surface; filling more would take minutes on two cores
+EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the bounding box's diagonal
+MOST_FACES = 6_000  # largest number of faces of a surface that is filled; more would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
 
 
@@ -36,11 +36,11 @@ class PeerError(RuntimeError):
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """Tetrahedra that fill a surface, and the closest point of their boundary to each vertex of the surface."""
+    """Tetrahedra that fill a surface, and for each vertex of the surface the closest point on their boundary."""
 
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
-    corners: Int64  # (V, 3) nodes of the boundary triangle with the closest point
+    corners: Int64  # (V, 3) indices of the nodes of the boundary triangle with the closest point
     barycentric: Float64  # (V, 3) coordinates of the closest point in its triangle
     seconds: float  # time to fill the surface
 
@@ -62,8 +62,8 @@ class Body:
     within: Tetrahedra | None = None
 
 
-Deform = Callable[[Float64], Float64]  # maps target positions (N, 3) of the held vertices to all vertices (V, 3)
-# Maps held vertices (N,) and their groups (N,) to a `Deform`. Vertices of one group move together; group −1 is fixed.
+Deform = Callable[[Float64], Float64]  # maps targets (N, 3) of the held vertices to the deformed vertices (V, 3)
+# Maps held vertices (N,) and their groups (N,) to a `Deform`. A group moves together; vertices of group −1 are fixed.
 Bind = Callable[[Int64, Int64], Deform]
 
 
@@ -80,13 +80,13 @@ class Job:
     """The constraints of one deformation."""
 
     held: Int64  # (N,) vertex indices
-    group: Int64  # (N,) group of each held vertex, below 0 for fixed vertices
+    group: Int64  # (N,) group of each held vertex, −1 for fixed vertices
     targets: Float64  # (N, 3) positions that the held vertices shall reach, mesh units
 
 
 @dataclass(frozen=True)
 class Done:
-    """The result of a job: moved vertices (V, 3), mesh units, and the seconds of every step."""
+    """The result of a job: the deformed vertices (V, 3), mesh units, and the seconds of every step."""
 
     vertices: Float64
     seconds: dict[str, float]
@@ -103,8 +103,8 @@ def run(
 ) -> list[Done]:
     """Run `jobs` on one shape with one peer, in a separate process, within `patience` seconds.
 
-    Tetrahedra have edges of `edge` times the diagonal. They fill a copy of the shape with `most_faces` faces. With
-    None, they fill the shape itself, within another `patience` seconds.
+    Tetrahedra have edges of `edge` times the diagonal. They fill a copy of the shape with at most `most_faces` faces,
+    within `FILLING_PATIENCE`. If `most_faces` is None, they fill the shape itself, within another `patience` seconds.
 
     Raises PeerError if the peer does not support the shape or the handles, fails, crashes or takes too long.
     """
@@ -141,20 +141,20 @@ def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dic
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and an index (K,) into `held` for each."""
+    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and for each node an index (K,) in `held`."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
 
 def check_components(corners: Int64, held: Int64) -> None:
-    """Raise PeerError unless every connected component of the elements `corners` (E, K) has one of the nodes `held`."""
+    """Raise PeerError unless each connected component of a mesh with elements `corners` (E, K) has a node in `held`."""
     component = igl.vertex_components(corners)
     if len(np.unique(component[held])) <= component.max():
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
 
 
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> Any:
-    """Return the result of `function` in a separate process; raise PeerError if it fails or exceeds `seconds`."""
+    """Run `function` in a separate process and return its result. Raise PeerError if it fails or exceeds `seconds`."""
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         answer = pool.submit(function, *arguments)
@@ -164,20 +164,20 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
             raise PeerError(f"takes longer than {seconds:g} s") from None
         except BrokenProcessPool:
             raise PeerError("crashes") from None
-        except Exception as error:  # any error of a peer becomes a note on its page
+        except Exception as error:  # the first line of any error becomes the message of a PeerError
             raise PeerError((str(error).splitlines() or [type(error).__name__])[0]) from None
         finally:
             for child in set(multiprocessing.active_children()) - others:
                 child.kill()
 
 
-cached: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages use the tetrahedra of one shape
+cached: dict[Any, Tetrahedra | PeerError] = {}  # by shape and settings; several peers and pages use the same tetrahedra
 
 
 def tetrahedra(
     vertices: Float64, faces: Int64, patience: float, most_faces: int | None = None, edge: float = EDGE
 ) -> Tetrahedra:
-    """Simplify a surface to `most_faces` faces, and fill it with tetrahedra. The result is cached in this process.
+    """Simplify a surface to at most `most_faces` faces, if given, and fill it with tetrahedra. Cache the result.
 
     Raises PeerError if the surface cannot be filled within `patience` seconds.
     """
@@ -200,7 +200,7 @@ def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tet
     points, sides = vertices, faces
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
-    # fTetWild prints every step and writes a file into the working folder. This process ends soon, so stdout is closed.
+    # fTetWild prints every step, so stdout is redirected to nothing. It also writes a file into the working folder.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=edge)
@@ -209,14 +209,14 @@ def _fill(vertices: Float64, faces: Int64, most: int | None, edge: float) -> Tet
         tetrahedralizer.tetrahedralize()
         positions, corners = tetrahedralizer.get_tet_mesh()[:2]
     if len(corners) == 0:
-        raise PeerError("cannot be filled with tetrahedra: the surface encloses nothing")
+        raise PeerError("cannot be filled with tetrahedra: the surface encloses no volume")
     used, corners = np.unique(corners, return_inverse=True)
     nodes, cells = np.ascontiguousarray(positions[used] + center), corners.reshape(-1, 4).astype(np.int64)
     boundary = igl.boundary_facets(cells)[0]
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, boundary)
     farthest = np.sqrt(squared.max()) / np.linalg.norm(np.ptp(vertices, axis=0))
     if farthest > AWAY:
-        raise PeerError(f"cannot be filled: a vertex is {100 * farthest:.0f} % of the diagonal off the tetrahedra")
+        raise PeerError(f"cannot be filled: the tetrahedra miss a vertex by {100 * farthest:.0f} % of the diagonal")
     corners = boundary[face]
     barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
     return Tetrahedra(nodes, cells, corners, barycentric, time.perf_counter() - begin)

@@ -1,4 +1,4 @@
-"""Transfer one edit to many shapes by the similarity of features. Shapes without the edited parts are refused."""
+"""Transfer one edit to many shapes by the similarity of features, and refuse shapes without the edited parts."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from dfd.editing.transfer import transfer
 from dfd.field.field import Field, FieldSource
 from dfd.mesh.mesh import Mesh, load
 
-CONFIDENT = 0.5  # the default threshold; below this confidence, a handle more likely moves a wrong part
-# The confidence is 0.5 if the cosine between a handle's features on both shapes has this value. The value is lower for
-# fields with a learned metric, because this metric increases differences between shapes. For a handle on a chair's leg,
-# the cosine was 0.40 to 0.71 for the legs of other seats, and 0.29 to 0.34 for a bird.
+CONFIDENT = 0.5  # the default threshold; below this confidence, a handle probably moves another part
+# If the cosine between a handle's features on both shapes is SIMILAR, the confidence is 0.5. For fields with a learned
+# metric, SIMILAR_LEARNED replaces SIMILAR, because this metric increases differences between shapes. Without it, a
+# handle on a chair's leg had cosines of 0.40 to 0.71 on the legs of other seats, and of 0.29 to 0.34 on a bird.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
@@ -56,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """The other shape seems to lack an edited part. The attribute `confidence` is as in `Carried`."""
+    """The other shape probably has no part like an edited one. `confidence` is as in `Carried`."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -68,10 +68,10 @@ class Carried:
     """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
-    # Confidence in [0, 1] by name. For a handle it is at most the probability that the handle moves the same part
-    # (`dfd.editing.agreement`). For a fixed point it grows with the similarity of features (`dfd.editing.transfer`).
+    # Confidence of each handle and fixed point, 0 to 1, by name. For a handle, it is at most the probability that the
+    # handle moves the same part (`dfd.editing.agreement`). For a fixed point, it grows with the cosine of the features.
     confidence: dict[str, float]
-    unsure: tuple[str, ...] = ()  # names with a confidence below the threshold, which `force` accepted
+    unsure: tuple[str, ...] = ()  # with `force`, names whose confidence is below the threshold
 
 
 def carry(
@@ -86,8 +86,8 @@ def carry(
     """Transfer an edit to another shape of the same class. If `mesh` is the mesh of the edit, the edit stays unchanged.
 
     `field` is the field of the other shape, made with the same encoder. `features` are as in `Deformer`. `threshold`,
-    in [0, 1] and by default 0.5, is the smallest accepted confidence. With `force`, lower confidences are accepted, and
-    `Carried.unsure` lists their names. With `force`, `field` may also be the field of another shape.
+    in [0, 1] and by default 0.5, is the smallest accepted confidence. With `force`, any confidence is accepted, and
+    `Carried.unsure` names the handles and fixed points below `threshold`. `field` may then be that of another shape.
 
     Raises UnlikeError if a confidence is below `threshold`. Raises ValueError if `transfer` or `Deformer` raises it.
     """
@@ -111,7 +111,7 @@ def carry(
     least = min(confidence, key=confidence.__getitem__)
     if confidence[least] < lowest and not force:
         raise UnlikeError(
-            f"{least} does not hold its part on this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}",
+            f"{least} may be on a wrong part of this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}",
             confidence,
         )
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))

@@ -1,8 +1,7 @@
 """Compact the features for `dfd.bind` to about a tenth of their bytes, so that weights stay within a tolerance.
 
 The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
-permits, and stored in 8 or 16 bits in the order in which the kernels read them. Equal features have equal entries, so
-the weight at a handle itself is still exactly 1.
+permits, and stored in 8 or 16 bits. Equal features have equal entries, so the weight at a handle is exactly 1.
 """
 
 from collections.abc import Callable
@@ -20,10 +19,10 @@ from dfd.common.threads import get_num_threads, one_blas_thread
 
 BLOCK = 16  # number of vertices that the kernels read together
 BATCH = 512  # number of rows that are projected together; they fit the cache of a core
-SPAN = 127  # largest absolute value of an int8 entry, in steps
+SPAN = 127  # largest absolute value of an 8-bit entry, in multiples of `CompactFeatures.step`
 DIRECTION_SAMPLE = 16_384  # largest number of vertices from which the principal directions are computed
 VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles whose weights are compared
-SAFETY = 0.8  # a number of dimensions is accepted if its sampled error is at most SAFETY times the tolerance
+SAFETY = 0.8  # a format is accepted if the error of weights on the samples is at most SAFETY times the tolerance
 
 Precision = Literal["int8", "float16"]
 
@@ -37,8 +36,8 @@ class CompactFeatures:
 
     shape: tuple[int, int]  #: (V, D) of the original features
     precision: Precision  #: type of an entry
-    #: The entries, in blocks of 16 vertices. For "float16": (B, d, 16) uint16, the bits of the entries. For "int8":
-    #: (B, d / 4 + 1, 16, 4) uint8, which are entries + 128 in groups of four, then the squared length as int32.
+    #: The entries, in B blocks of 16 vertices: (B, d, 16) uint16 for "float16", (B, d / 4 + 1, 16, 4) uint8 for "int8".
+    #: The last 4 bytes of an "int8" vertex are the int32 sum of its squared entries. Other bytes are entries plus 128.
     blocks: NDArray[Any]
     basis: Float32  #: (D, d) orthonormal columns
     mean: Float32  #: (D,)
@@ -73,7 +72,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` maps them to the entries."""
+        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` gives the entries again."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
@@ -95,9 +94,10 @@ class CompactFeatures:
         return coordinates
 
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
-        """Return the entries (N, d) of features `rows` (N, D), and offsets (N,) to add to their squared distances.
+        """Return the entries (N, d) of handles with the features `rows` (N, D), and an offset (N,) for each handle.
 
-        An offset is the squared distance between a feature and its approximation, minus `radius`², and at least 0.
+        `dfd.bind` adds the offset to the squared distances between the handle and all vertices. The offset is the
+        squared distance between a feature and its approximation, minus `radius`², and at least 0.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
@@ -119,7 +119,7 @@ def compact(
     points
         (V, 3) points at which a field is evaluated, in mesh units; only for a field.
     tolerance
-        Largest difference of a weight from that of the full features in float64, on a sample of vertices and handles.
+        Largest difference between a weight and the weight by full float64 features, on sampled vertices and handles.
     progress
         A function that takes the number of newly finished rows; the number is negative if rows are computed again.
 
@@ -150,7 +150,7 @@ def compact(
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
             break
     else:
-        raise ArgumentError("tolerance", f"must be larger for features of 16 bits, got {wanted:g}", "compact")
+        raise ArgumentError("tolerance", f"must be larger, because features have 16 bits, got {wanted:g}", "compact")
 
     del sample, centered, validation  # frees memory before the rows are packed
     basis = np.zeros((source.dimension, dimensions), np.float32)
@@ -172,7 +172,7 @@ class _Source:
     """Feature rows, read from an array or computed by a field."""
 
     def __init__(self, features: Any, points: Any) -> None:
-        from dfd.field.field import FieldOnMesh  # `import dfd` needs no field
+        from dfd.field.field import FieldOnMesh  # imported late, because `import dfd` does not need it
 
         self._field: Callable[[NDArray[Any]], Any] | None = None
         if isinstance(features, FieldOnMesh) and points is None:
@@ -205,8 +205,8 @@ class _Trial:
     """Compare weights from entries with weights from full features in float64, on sampled vertices and handles.
 
     `features` (N, D) are the full features, `along` (N, D) are their coordinates along all principal directions, and
-    `handles` are the rows of the handles. The reference weights are those of `features`, because coordinates far from
-    the mean have rounding errors. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
+    `handles` (H,) are row numbers. Coordinates far from the mean have rounding errors, so the reference weights are
+    those of `features`. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:

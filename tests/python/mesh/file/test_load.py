@@ -94,7 +94,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("short.obj", obj_cube() + "v 1 0\n", "line 21: 'v' has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
-        ("cut.ply", PLY.format(n=3) + "end_header\n0 0 0\n1 0 0\n", "should have 3 of 'vertex', but is cut off"),
+        ("cut.ply", PLY.format(n=3) + "end_header\n0 0 0\n1 0 0\n", "before the end of its 3 rows of 'vertex'"),
         ("cut.stl", "x" * 80 + "\x0c\0\0\0" + "x" * 100, "it should have 12 faces in 684 bytes, but has 184 bytes"),
         ("facet.stl", "solid\nfacet normal 0 0 0\n", "it is cut off: it begins 1 faces, ends 0"),
     ],

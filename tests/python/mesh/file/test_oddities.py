@@ -39,7 +39,7 @@ def test_binary_ply_with_triangles_and_quads(tmp_path: Path) -> None:
     header = f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
     mesh = load(write(tmp_path / "mixed.ply", packed_ply(body, header)))
     assert same_shape(mesh, Mesh(CORNERS, CUBE))
-    with pytest.raises(ValueError, match="should have 8 of 'face', but is cut off"):
+    with pytest.raises(ValueError, match="is cut off before the end of its 8 rows of 'face'"):
         load(write(tmp_path / "cut.ply", packed_ply(body[:-3], header)))
 
 

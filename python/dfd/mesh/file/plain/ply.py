@@ -1,7 +1,6 @@
-"""Read and write PLY files, text and binary.
+"""Read and write text and binary PLY files (Turk, "The PLY Polygon File Format", 1994).
 
-The format: Turk, "The PLY Polygon File Format", 1994. Colors, texture coordinates and textures follow conventions of
-later programs.
+Colors, texture coordinates and textures follow conventions of later programs.
 """
 
 import re
@@ -38,10 +37,10 @@ class _Property:
 
     name: str
     dtype: np.dtype[Any]  # type of the values, according to the header
-    type_span: tuple[int, int]  # bytes of the header at which this type begins and ends; unused for lists
-    stored: np.dtype[Any]  # type of the values in the parsed data
-    counts: np.dtype[Any] | None  # type of the length of a list in the parsed data; None if the property is no list
-    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # values of all rows
+    type_span: tuple[int, int]  # bytes of the header at which the name of this type begins and ends; unused for lists
+    stored: np.dtype[Any]  # type of the values in the body; 64-bit float in a text file, whose body is converted
+    counts: np.dtype[Any] | None  # type of a list's length, which precedes the list in the body; None if it is no list
+    values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # values of all rows, one row after the other
     sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values of each row
     places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte of each row's values
 
@@ -53,14 +52,14 @@ _Element = dict[str, _Property]
 class _Content:
     """The parsed content of a file."""
 
-    start: int  # byte at which the body begins
-    order: str  # byte order, "<" or ">"; "" for a text file, which is converted to 64-bit floats before parsing
+    start: int  # byte of the file at which the body begins, after "end_header"
+    order: str  # byte order, "<" or ">"; "" for a text file, whose body is converted to 64-bit floats
     picture: str | None  # file name of the texture
     elements: dict[str, _Element]
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
-    """Return the geometry of a file, the file's vertices (V, 3), and the file's vertex (N,) of each geometry vertex.
+    """Return the geometry of a file, the file's vertices (V, 3), and each geometry vertex's index (N,) in the file.
 
     Raises ValueError if the file is malformed. Warns if faces with fewer than three corners are left out.
     """
@@ -85,7 +84,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     normals, colors, face_colors = _columns(vertex, ("nx", "ny", "nz")), _colors(vertex), _colors(face)
     if face_colors is not None and len(face_colors) == len(face_sizes):
         face_colors = np.repeat(face_colors, np.maximum(face_sizes - 2, 0), axis=0)
-    if face_colors is not None and len(face_colors) != len(faces):  # triangle strips have no colors
+    if face_colors is not None and len(face_colors) != len(faces):  # there are triangle strips, which have no colors
         face_colors = None
     geometry = Geometry(
         positions[numbers],
@@ -101,10 +100,10 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
 
 
 def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple[Int64, Int64, Bool]:
-    """Return the vertex (C,) of each corner, the size (P,) of each face, and a mask of the kept corners of `face`."""
+    """Return each corner's vertex (C,), each polygon's number of corners (P,), and which corners of `face` are kept."""
     corners, sizes = _indices(face)
     long = long_faces(path, sizes)
-    kept = np.repeat(long, sizes)
+    kept = np.repeat(long, sizes)  # faces with fewer than three corners are left out
     triangles = _strip_triangles(*_indices(strips))
     corners = np.concatenate([corners[kept], triangles.ravel()])
     check_corners(corners, count)
@@ -112,7 +111,7 @@ def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple
 
 
 def _indices(element: _Element) -> tuple[Int64, Int64]:
-    """Return the vertex indices of all faces or strips of an element, and the number of indices of each."""
+    """Return the vertex indices of all faces or strips of an element, and the number of indices per face or strip."""
     found = element.get("vertex_indices", element.get("vertex_index"))
     if found is None:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -122,16 +121,16 @@ def _indices(element: _Element) -> tuple[Int64, Int64]:
 
 
 def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
-    """Return the triangles (F, 3) of triangle strips; an index of -1 starts a new strip."""
+    """Return the triangles (F, 3) of triangle strips; a negative index ends a strip."""
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(sizes)), sizes) * (len(values) + 1)
     index = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # a run may begin with -1
+    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # a run may begin with a negative index
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # others have no area
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # other triangles have no area
     return triangles[distinct]
 
 
@@ -204,7 +203,7 @@ def _parse(data: bytes) -> _Content:
 
 
 def _cut_off(name: str, count: int) -> ValueError:
-    return ValueError(f"it should have {count} of {shortened(name)}, but is cut off")
+    return ValueError(f"it is cut off before the end of its {count} rows of {shortened(name)}")
 
 
 def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[_Property]) -> int:
@@ -268,9 +267,9 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
-    """Return a PLY file, in which `vertices` (V, 3) and `normals` (V, 3) replace those of `data`; NaN keeps a normal.
+    """Return the PLY file `data` with new `vertices` (V, 3) and `normals` (V, 3); for NaN, the old number stays.
 
-    Byte order and number types stay, except that the type becomes a 64-bit float if the present type is too coarse.
+    Byte order and number types stay, except that the type becomes a 64-bit float if the old type is too coarse.
     """
     content = _parse(data)
     edits, vertex, body = Edits(data), content.elements["vertex"], np.frombuffer(data, np.uint8)[content.start :]
@@ -318,7 +317,7 @@ def encode(geometry: Geometry) -> bytes:
 
 
 def _named(names: Sequence[str], values: NDArray[Any] | None, dtype: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of an array (N, K) by name, or {} for None. The type "u1" converts [0, 1] to bytes."""
+    """Return the columns of an array (N, K) by name, or {} for None. With `dtype` "u1", [0, 1] becomes 0 to 255."""
     if values is None:
         return {}
     stored = np.rint(values * 255) if dtype == "u1" else values

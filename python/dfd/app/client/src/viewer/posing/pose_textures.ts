@@ -1,4 +1,4 @@
-/** The textures that the pose shader reads. Each column of a scene has a layer of `weights` and a row of `columns`. */
+/** The textures of the pose shader: a layer of `weights` and a row of `columns` for each `Column` of the scene. */
 
 import {
   DataArrayTexture,
@@ -19,15 +19,14 @@ const WIDTH = 4096; // texels per row of `weights`
 const TEXELS = 7; // texels per row of `columns`
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
-/** Indices of the linear part's elements in an affine matrix. */
-const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
+const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10]; // indices of the linear part in the elements of an affine matrix
 
 export class PoseTextures {
   weights: DataArrayTexture;
   columns = rows(LEAST_ROWS);
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
-  /** The column of weights in each layer. */
+  /** The weights that each layer contains; null for an unused layer. */
   private stored = empty(LEAST_LAYERS);
 
   constructor(vertexCount: number) {
@@ -35,7 +34,7 @@ export class PoseTextures {
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Set the scene of the shader. Weights are uploaded only if they are new. */
+  /** Write a scene to the textures. Weights are written only if no layer contains them. */
   show(scene: Scene): void {
     this.storeWeights(scene);
     const count = scene.columns.length;
@@ -63,7 +62,7 @@ export class PoseTextures {
     this.textures.forEach((texture) => texture.dispose());
   }
 
-  /** Store each column of weights in a layer of the texture. */
+  /** Write the weights of each column to a layer, unless a layer contains them already. */
   private storeWeights(scene: Scene): void {
     const wanted = new Set(scene.columns.map(({ weights }) => weights));
     if (wanted.size > this.stored.length) {
@@ -105,14 +104,14 @@ function rows(count: number): DataTexture {
   return texture;
 }
 
-/** Return the defines of the shader that a scene needs. */
+/** Return the names that must be defined in the shader for a scene. */
 export function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
   const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
   const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
   return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
 }
 
-/** Write the rows of D − I. For small motions, displacements are more precise than positions. */
+/** Write the rows of a transform minus the identity. The shader adds displacements, so small motions stay precise. */
 function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);
