@@ -131,7 +131,7 @@ def _strip_triangles(values: Int64, sizes: Int64) -> Int64:
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
-    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # others have no area
+    distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # all other triangles have no area
     return triangles[distinct]
 
 
@@ -268,7 +268,7 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
-    """Return a PLY file, in which `vertices` (V, 3) and `normals` (V, 3) replace those of `data`; NaN keeps a normal.
+    """Return a PLY file, in which `vertices` (V, 3) and `normals` (V, 3) replace those of `data`. NaN keeps a normal.
 
     Byte order and number types stay, except that the type becomes a 64-bit float if the present type is too coarse.
     """
