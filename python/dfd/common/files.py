@@ -96,7 +96,7 @@ def resolved_target(path: Path, argument: str) -> Path:
 
 
 def _temporary(target: Path) -> Path:
-    """Create an empty temporary file beside `target`, and delete old ones of killed processes."""
+    """Create an empty temporary file beside `target`, and delete old ones that killed processes left."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
     # The name is hashed, because file systems allow 255 bytes, and the target's name alone may have that length.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"

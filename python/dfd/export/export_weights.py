@@ -29,10 +29,10 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     session
         The shape with its handles.
     path
-        An .npz or .safetensors file with these arrays: `vertices` (V, 3), the resting shape after bends and twists;
-        `faces` (F, 3); `weights` (V, C), a column for each counterpart of each handle; for each column, `transforms`
-        (C, 3, 4) in mesh units, positions `handles` (C, 3) and `handle_ids` (C,); `default` (3, 4), the transform D₀.
-        Its texts, in safetensors as metadata, are: `format`; `version`; `names`, a JSON list of the columns' names;
+        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64, the shape at rest with bends and twists;
+        `faces` (F, 3); `weights` (V, C) float32, a column for each counterpart of each handle; for each column,
+        `transforms` (C, 3, 4) float64 in mesh units, positions `handles` (C, 3) and `handle_ids` (C,); and `default`
+        (3, 4), D₀. Its texts, metadata in safetensors, are `format`; `version`; `names`, JSON of the columns' names;
         `edit`, JSON of an edit file; `field`, JSON of the field's settings; `mesh`, the mesh's `content_hash`.
 
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file

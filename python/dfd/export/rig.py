@@ -34,7 +34,7 @@ class Rig:
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _posed: PosedShape
     _weights: Float32  # (V, C) weights of the session, one or more columns for each handle
-    _column: Int64  # (J − default − 1,) column of `_weights` for each joint after `default`, which is one of a handle
+    _column: Int64  # (J − default − 1,) column of `_weights` for each joint of a handle; these follow `default`
     _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the negative side of the mirror plane
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:

@@ -27,7 +27,7 @@ class Material:
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alpha_cutoff: float = 0.5  # in mode MASK, alpha becomes 0 below this value, and 1 otherwise
     name: str = ""
-    is_default: bool = False  # whether it is a substitute, because the file defines no usable color or texture
+    is_default: bool = False  # whether this is a substitute, because the file defines no usable color or texture
 
     def shown(self, *, has_colors: bool) -> Material:
         """Return the material to display: a default material becomes white if the surface has its own colors."""

@@ -15,7 +15,7 @@ from dfd.mesh.file.gltf.header import Header, objects, parents
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 
-MOST_JOINTS = 65_535  # the attributes JOINTS_n store 16-bit numbers
+MOST_JOINTS = 65_535  # the attributes JOINTS_n store 16-bit indices
 SET = 4  # number of influences in each pair of attributes JOINTS_n and WEIGHTS_n
 
 

@@ -47,7 +47,7 @@ class ObjText:
     corner_spans: Int64  # (C, 2) bytes of `data` at which each face corner begins and ends
     sizes: Int64  # (P,) number of corners of each face
     face_lines: Int64  # (P,) line number of each face
-    statements: tuple[tuple[int, str, str], ...]  # line number, keyword, rest of `_STATEMENTS` lines
+    statements: tuple[tuple[int, str, str], ...]  # (line number, keyword, rest) of `_STATEMENTS` lines
 
 
 def decoded(data: bytes) -> str:
