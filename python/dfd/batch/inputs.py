@@ -76,7 +76,7 @@ def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
 
 
 def _fixed_folder(pattern: Path) -> Path:
-    """Return the folder of a pattern before its first wildcard, or the folder of the file that it names."""
+    """Return the folder of a pattern before its first wildcard; without wildcards, return the folder of its file."""
     folder = pattern.parent
     while has_magic(str(folder)):
         folder = folder.parent

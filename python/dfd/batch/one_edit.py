@@ -131,7 +131,7 @@ class EditSource(BaseModel):
     edit: Path
     mesh: Path
     field: Path
-    sha256: str  # of the three files together
+    sha256: str  # SHA-256 of the three files together
 
     def original(self) -> Original:
         """Read the three files. Raise the errors of `Original.read` and `Field.load`."""

@@ -9,14 +9,14 @@ from dfd.batch.inputs import Shape
 from dfd.common.files import write_file
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
-CAUSES: dict[str, str] = {  # names of the causes for people
+CAUSES: dict[str, str] = {  # names of the causes in texts for users
     "input": "bad input",
     "memory": "out of memory",
     "timeout": "out of time",
     "crash": "crash",
     "error": "error of dfd",
 }
-FAILED_EXPORT = "_failed"  # suffix of the name of a figure (see `Record`) with the error of an export
+FAILED_EXPORT = "_failed"  # suffix of the name of a figure (see `Record`) that holds the error of an export
 Figure = bool | int | float | str | None
 
 

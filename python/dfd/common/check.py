@@ -31,8 +31,8 @@ def array(
 
     `shape` lists the required size of each axis; a name such as ``"V"`` permits any size.
 
-    Raises ValueError if `value` is not numeric, is a masked array, is a tensor that NumPy cannot read or has another
-    shape. With `finite`, also raises ValueError for NaN, infinity and numbers too large for `dtype`.
+    Raises ValueError if `value` is not numeric, is a masked array, is a tensor that NumPy cannot read, or has a wrong
+    shape. If `finite` is True, NaN, infinity and numbers too large for `dtype` also raise ValueError.
     """
     if type(value) is np.ndarray:
         result = value
@@ -133,7 +133,7 @@ def field(function: str, value: Any) -> Any:
 def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
-    Raises ValueError for any other array shape or type, an index out of range or, with `unique`, a repeated index.
+    Raises ValueError for a wrong array shape or type, an index out of range or, with `unique`, a repeated index.
     """
     indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
@@ -153,7 +153,7 @@ def vertex_indices(function: str | None, name: str, value: Any, vertex_count: in
 
 
 def _kind(value: Any) -> str:
-    """Return a description of `value` for messages: a string itself, or the class of another value with its dtype."""
+    """Return a description of `value` for messages: a string is quoted; other values have their class and dtype."""
     if isinstance(value, str):
         return repr(value)
     dtype = getattr(value, "dtype", None)

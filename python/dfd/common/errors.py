@@ -55,6 +55,6 @@ def within(path: str, function: str | None = None) -> Iterator[None]:
     try:
         yield
     except ArgumentError as error:
-        # A place has no key of its own in an edit file. Its keys or numbers are directly in the entry at `path`.
+        # A handle's place has no key of its own in an edit file: its keys or numbers stand in the entry at `path`.
         argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
         raise ArgumentError(argument, error.reason, function) from None

@@ -27,7 +27,7 @@ def cache_directory() -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Convert a NumPy array or number to Python values, and any other object to text; the `default` of `json.dumps`."""
+    """Convert a NumPy array or number to Python values, and any other object to text, for `default` of `json.dumps`."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -55,7 +55,7 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     try:
         temporary = _temporary(target)
         try:
-            # The block may change the permissions. The result has those of the replaced file, or of a new file.
+            # The block may change permissions. The written file gets those of the replaced file, or of a new file.
             mode = (target if target.exists() else temporary).stat().st_mode
             yield temporary
             temporary.chmod(mode & 0o777)
@@ -96,7 +96,7 @@ def resolved_target(path: Path, argument: str) -> Path:
 
 
 def _temporary(target: Path) -> Path:
-    """Create an empty temporary file beside `target`, and delete those that killed processes left for `target`."""
+    """Create an empty temporary file beside `target`, and delete old ones that killed processes left."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
     # The name is hashed, because file systems allow 255 bytes, and the target's name alone may have that length.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"

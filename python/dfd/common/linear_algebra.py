@@ -20,12 +20,12 @@ def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
 
 
 def group_sums(group: NDArray[np.integer], rows: NDArray[np.floating], count: int) -> Float64:
-    """Return the sum of the `rows` (N, D) of each group, (`count`, D); row i belongs to group `group[i]`, from 0."""
+    """Return the sum of `rows` (N, D) in each group, (`count`, D). Row i belongs to the group with index `group[i]`."""
     return np.stack([np.bincount(group, column, count) for column in rows.T], axis=1)
 
 
 def distinct_pairs(pairs: NDArray[np.integer], count: int) -> tuple[Int64, Int64]:
-    """Return the distinct pairs (E, 2) in `pairs` (N, 2), and for each of `pairs` the index of its distinct pair, (N,).
+    """Return the distinct pairs (E, 2) in `pairs` (N, 2), and the index (N,) of each of `pairs` among them.
 
     The entries are integers from 0 to `count` − 1. Pairs that differ only in the order of their entries are equal. The
     distinct pairs are sorted, each with its lower entry first.
@@ -41,8 +41,8 @@ Real = TypeVar("Real", np.float32, np.float64)
 def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
     """Return the eigenvectors of RᵀR, where R is `rows` (N, D), in the order from largest to smallest eigenvalue.
 
-    They are the orthonormal rows of the result, (min(`count`, D), D), or (D, D) if `count` is None. If the mean of
-    `rows` is 0, they are the principal components.
+    The eigenvectors are the orthonormal rows of the result, (min(`count`, D), D), or (D, D) if `count` is None. If the
+    mean of `rows` is 0, the eigenvectors are the directions of the principal components.
     """
     axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
     return np.ascontiguousarray(axes[:count])

@@ -13,7 +13,7 @@ NAME = "libgomp.so.1"
 def load_runtime() -> None:
     """Load torch's copy of the runtime, if torch is installed and no runtime is loaded; then load the C++ kernels.
 
-    The kernels, and torch when it is imported later, find the loaded runtime by its name and load no other. torch's
+    The kernels, and torch when it is imported later, find the loaded runtime by its name and use it. torch's
     copy takes precedence, because the system may have no runtime, or one that is too old for torch. Some torch packages
     add a hash to the name of their copy. The kernels cannot find such a copy, and load the system's runtime.
 

@@ -25,8 +25,8 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
     """Write a mesh with its parts, as groups "part_1" … of an OBJ file, or as materials of a glTF file.
 
     A face belongs to the part that contains most of its corners. If the mesh was read from a glTF file, a new glTF file
-    keeps all its other content. Each part gets copies of the materials on its faces, named after the part. An OBJ file
-    keeps texture coordinates, but no materials.
+    keeps all other content of that file. Each part gets copies of the materials on its faces, named after the part.
+    An OBJ file keeps texture coordinates, but no materials.
 
     Raises ValueError if the file ending is not supported, or there are no parts. Raises OSError if the file cannot be
     written; an existing file stays unchanged.
@@ -50,12 +50,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 
 def _most(corners: Int64) -> Int64:
-    """Return for each face the part (F,) of most of its corners. `corners` (F, 3) are the parts of the corners."""
+    """Return for each face the index (F,) of the part of most corners. `corners` (F, 3) holds each corner's part."""
     return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], of_vertex: Int64) -> None:
-    """Split each primitive of a node into one primitive for each part. `of_vertex` (V,) is the part of each vertex."""
+    """Split each primitive of a node into one primitive for each part. `of_vertex` (V,) holds each vertex's part."""
     content, of_number = document.own_mesh(node), {each.source[2]: each for each in primitives}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):
@@ -73,7 +73,7 @@ def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], o
 
 
 def _material(document: GltfDocument, material: object, part: int) -> int:
-    """Return the index of the copy of `material` for the part number `part`. Add this copy if it is missing."""
+    """Return the index of the copy of `material` for the part with the index `part`. Add the copy if it is missing."""
     materials = objects(document.header, "materials")
     own = item(document.header, "materials", material)
     name = f"part {part + 1}" if own is None else f"{own.get('name') or f'material {material}'} part {part + 1}"

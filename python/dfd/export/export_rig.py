@@ -41,16 +41,16 @@ def export_rig(
     Parameters
     ----------
     session
-        The shape with its handles. The file opens in the pose of the present edit.
+        The shape with its handles. The file shows the pose of the present edit.
     path
         A .glb or .gltf file. With the form "baked", it can also be an .obj, .ply, .stl or .off file.
     form
-        "skin" writes a joint for each counterpart of each handle, with its own axes. The weights are those with which
-        `dfd.pose` blends (Eq. 1 and 8). A root joint, which never moves, gets the weight 1 minus their sum. If the edit
-        has a default transform D₀, the joint of D₀ gets this weight instead. "morph" writes a morph target for each
-        handle that moves. With `poses`, it writes one for the edit and one for each key pose. "baked" writes the posed
-        shape as a static mesh. In a glTF file, the default is "skin". If the mesh already has a skin, which the file
-        keeps, the default is "morph", or "baked" if the mesh also has morph targets.
+        "skin" writes a joint for each counterpart of each handle. The weights of joints are those with which `dfd.pose`
+        blends (Eq. 1 and 8). A root joint, which never moves, gets 1 minus the sum of these weights. If the edit has a
+        default transform D₀, the joint of D₀ gets this weight instead. "morph" writes a morph target for each handle
+        that moves or, with `poses`, one for the edit and one for each key pose. "baked" writes the posed shape as a
+        static mesh. In a glTF file, the default is "skin". If the mesh already has a skin, which the file keeps, the
+        default is "morph", or "baked" if the mesh also has morph targets.
     influences
         The largest number of joints that a vertex follows, by default 4, which all programs can read. The largest
         weights of a vertex are kept and divided by their sum. "all" keeps all weights. Weights after the fourth are
@@ -67,7 +67,7 @@ def export_rig(
     is no handle, the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be inverted.
     Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
     ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
-    than a joint's. Raises OSError if a file cannot be written; an existing file stays unchanged.
+    than those of a joint. Raises OSError if a file cannot be written; an existing file stays unchanged.
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)

@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of a rig. Each vertex follows the transform of the joint by a weight."""
+    """A joint of a rig. Each vertex follows the transform of the joint with a weight."""
 
     name: str  # unique in the rig
     handle: int | None  # id of its handle; None for the root joint and for the joint of the default transform D₀
@@ -79,7 +79,7 @@ class Joint:
         return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
 
     def placed(self, local: Local) -> Local:
-        """Convert `local`, a transform in the joint's frame, to a parent without rotation at the origin of the mesh."""
+        """Convert `local` from the joint's frame to mesh coordinates, the frame of a parent at 0 without rotation."""
         frame = self.frame
         rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
         return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

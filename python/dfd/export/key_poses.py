@@ -26,7 +26,7 @@ class KeyPose:
     """
 
     seconds: float  #: Time of the pose in the animation, at least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; other handles are at rest
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; a missing handle is at rest
     name: str = ""  #: A name for display; glTF stores it only for morph targets
 
     def __post_init__(self) -> None:

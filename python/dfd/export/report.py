@@ -17,8 +17,8 @@ class RigReport:
     joints: int = 0  # 0 without a skin
     influences: int = 0  # largest number of joints that a vertex follows
     targets: int = 0  # number of morph targets
-    pruned: float = 0.0  # largest fraction of a vertex's total weight that was left out, to limit its influences
-    normalized: int = 0  # number of vertices whose weights changed, because one was negative or their sum exceeded 1
+    pruned: float = 0.0  # largest fraction of a vertex's total weight that was left out, to limit its joints
+    normalized: int = 0  # number of vertices whose weights changed: one was negative, or the sum exceeded 1
     largest: float  # largest distance of a vertex in the file from the result of `dfd.pose`, mesh units
     mean: float  # mean of these distances in the pose `at`, mesh units
     at: str  # the pose with the largest distance: "the edit", or the name of a key pose
@@ -35,7 +35,7 @@ class RigReport:
         if self.pruned > 0.0005:
             sentences.append(f"up to {100 * self.pruned:.2g} % of a vertex's weight pruned")
         if self.normalized:
-            sentences.append(f"{self.normalized} vertices' weights, which sum to more than 1, normalized")
+            sentences.append(f"weights of {self.normalized} vertices, negative or with a sum above 1, normalized")
         return "; ".join([*sentences, *self.notes])
 
     def _difference(self) -> str:
@@ -64,5 +64,5 @@ def report_of(
         if rig.edit.blending != "linear":
             notes += (f"the edit blends as {rig.edit.blending}, but a skin blends linearly",)
         if any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
-            notes += ("a skin has no bends and twists; 'morph' and 'baked' have them",)
+            notes += ("a skin has no bends and twists; the forms 'morph' and 'baked' have them",)
     return RigReport(path=path, form=form, notes=notes, **where)

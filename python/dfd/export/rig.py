@@ -27,14 +27,14 @@ class Rig:
 
     mesh: Mesh  # the resting shape
     edit: Edit
-    # joints: first the root, which never moves and is the parent of all others; then the joint of D₀ if the edit has D₀
+    # first the root, which never moves and is the parent of all others; then the joint of D₀, if any; then all others
     joints: tuple[Joint, ...]
-    origin: Float64  # (3,) mesh units; subtracted from the vertices in a file, if 32-bit floats are too coarse, else 0
-    default: int  # index of the joint whose weight is 1 minus all other weights: that of D₀, or else the root
+    origin: Float64  # (3,) mesh units; a file stores vertices minus `origin`; 0 if 32-bit floats are fine enough
+    default: int  # index of the joint whose weight is 1 minus all other weights: the joint of D₀, or else the root
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _posed: PosedShape
     _weights: Float32  # (V, C) weights of the session, one or more columns for each handle
-    _column: Int64  # (J − default − 1,) column of `_weights` for each joint of a handle; they come after `default`
+    _column: Int64  # (J − default − 1,) column of `_weights` for each joint of a handle; these follow `default`
     _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the negative side of the mirror plane
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
@@ -87,7 +87,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
-    # All key poses share one array of weights. So the blend bands along borders of parts are the widest of all poses.
+    # All poses share the weights. So a blend band, where weights fall at a part's border, is the widest of all poses.
     every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
     widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
     weights, columns = session.bound.columns(edit, widest)
@@ -117,7 +117,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """Return the axes (3, 3), as columns, of the first transform with unequal scales, else of the first with axes."""
+    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or else with axes."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:

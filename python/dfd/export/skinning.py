@@ -9,7 +9,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
 
-ROUNDING = 1e-5  # a weight below 0, or a sum of weights above 1, counts as rounding if it differs by less than this
+ROUNDING = 1e-5  # weights down to −ROUNDING and sums of weights up to 1 + ROUNDING count as rounding errors
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Skin:
     moments: list[list[Local]]  # for the edit, and then for each key pose, the transforms of the J joints
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the vertices (V, 3) that viewers show: Σ_k w_k M_k B_k v, with `moments[moment]` M and `binds` B."""
+        """Return the vertices (V, 3) that viewers show: Σ_k w_k M_k B_k v, with M = `moments[moment]`, B = `binds`."""
         points = (rig.mesh.vertices - rig.origin).astype(np.float32).astype(np.float64)
         matrices = np.array([local.matrix for local in self.moments[moment]]) @ self.binds.astype(np.float64)
         result = np.empty_like(points)

@@ -25,9 +25,9 @@ class Material:
     texture: UInt8 | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # how the texture continues outside [0, 1], along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
-    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha becomes 0, and all other alpha 1
+    alpha_cutoff: float = 0.5  # in mode MASK, alpha becomes 0 below this value, and 1 otherwise
     name: str = ""
-    is_default: bool = False  # whether the file defines no usable color or texture
+    is_default: bool = False  # whether this is a substitute, because the file defines no usable color or texture
 
     def shown(self, *, has_colors: bool) -> Material:
         """Return the material to display: a default material becomes white if the surface has its own colors."""
@@ -38,7 +38,7 @@ class Material:
 class Appearance:
     """The colors of the faces of a mesh.
 
-    Face corners refer to rows. A row is a vertex with one texture coordinate and one color; seam vertices have several.
+    Face corners refer to rows: a row is a vertex with one texture coordinate and one color. A seam vertex has several.
     """
 
     corners: Int32  # (R,) mesh vertex of each row; −1 for a row that no face uses
@@ -49,7 +49,7 @@ class Appearance:
     colors: Float32 | None = None  # (R, 4) display-referred RGBA in [0, 1]
 
     def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> Float32:
-        """Return the sRGB colors with alpha, (N, 4) in [0, 1], of points on `faces` (N,) at `barycentric` (N, 3)."""
+        """Return sRGB colors and alpha, (N, 4) in [0, 1]: point i lies on face `faces[i]`, at `barycentric[i]` (3,)."""
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]
@@ -68,7 +68,7 @@ class Appearance:
         return result
 
     def corner_colors(self, indices: NDArray[np.integer], count: int) -> Float32:
-        """Return for each index below `count` the `albedo` at the first corner with this index, (`count`, 4).
+        """Return a color for each index below `count`, (`count`, 4): the `albedo` at the index's first face corner.
 
         `indices` (F, 3) holds the index of each face corner. An index without a corner gets white.
         """
@@ -109,7 +109,7 @@ def linear(encoded: NDArray[np.floating]) -> Float64:
 
 
 def blend(values: Float32, rows: Int32, weights: Float32) -> Float32:
-    """Return sums (N, K) of `values` (R, K): row i sums weights[i, j] · values[rows[i, j]] over the three corners j."""
+    """Return weighted sums (N, K) of rows of `values` (R, K): Σ_j weights[i, j] · values[rows[i, j]] for each i."""
     blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)
@@ -130,7 +130,7 @@ def _sample(material: Material, uv: Float32) -> Float32:
 
 
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
-    """Return the indices of the texels before and after each coordinate (N,), and the fraction (N, 1) between them."""
+    """Return the texels before and after each coordinate (N,), and its place between the two, (N, 1) in [0, 1]."""
     period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
     # Whole periods are subtracted first, so that coordinates far from 0 keep their precision.
     coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)

@@ -1,4 +1,4 @@
-"""Triangle meshes, with their colors and the content of their files, and `load`, which reads them."""
+"""Triangle meshes with their colors and the content of their files, and the function `load`, which makes a mesh."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ class Mesh:
     vertices. For these, the vertices are the distinct positions that faces use, in the order of the file.
 
     Several vertices may have the same position. The faces of a mesh from a file then use only the first of them, even
-    along seams of texture or normals. `representative` holds the index of this first vertex for every vertex. In a mesh
-    from arrays, it holds the vertex's own index.
+    along seams of texture or normals. `representative[i]` is the index of the first vertex at the position of vertex i.
+    In a mesh from arrays, `representative[i]` is i.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units
     faces: Int32  # (F, 3) corners as indices into `vertices`
-    representative: Int32  # (V,) for each vertex, the first vertex at its position
+    representative: Int32  # (V,) for each vertex, the vertex that faces use in its place (see above)
     appearance: Appearance | None  # the colors of the surface; None if unknown
     source: Path | None  # path of the mesh's file; None for a mesh from memory
     scene: SceneFile | None  # content of the file or trimesh object; None for a mesh from arrays
@@ -65,7 +65,7 @@ class Mesh:
         Faces without area and repeated faces are kept. `appearance` holds the colors of the faces. `scene` is the
         content of the source file, which `save` needs.
 
-        Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
+        Raises ValueError if an array has a wrong shape or type, a coordinate is not finite or an index is out of range.
         """
         self.vertices = _frozen(check.array("Mesh", "vertices", vertices, ("V", 3), dtype=np.float64))
         if len(self.vertices) < 3:
@@ -121,9 +121,9 @@ class Mesh:
     def part_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of the part `name` use.
 
-        If no part has this name, `name` may be that of a geometry or of a material, which selects all its faces.
+        If no part has this name, all faces of the geometry or else of the material with this name are used.
 
-        Raises ValueError if the scene has nothing of that name; the message lists the names of the parts.
+        Raises ValueError if nothing in the scene has this name; the message lists the names of the parts.
         """
         for part in self.parts:
             if part.name == name:
@@ -183,17 +183,17 @@ class Mesh:
         return digest.hexdigest()
 
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
-        """Write the mesh to `path`, whose ending selects the format, with new positions `vertices` (V, 3) if given.
+        """Write the mesh to `path`, whose ending selects the format. If given, `vertices` (V, 3) are the new positions.
 
         A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
-        format can store them. Normals follow the moved surface. In the format of the source file, all other data keep
-        their values and number types. The file is written atomically.
+        format can store them. Normals follow the moved surface. If the format is that of the source file, all other
+        data keep their values and number types. The file is written atomically.
 
-        Warns if 32-bit floats of the file move vertices by more than 0.001 % of the diagonal. This concerns STL files,
-        and glTF meshes with a skin or morph targets.
+        Warns if rounding to 32-bit floats moves a vertex by more than 0.001 % of the bounding box's diagonal. Only STL
+        files, and glTF meshes with a skin or morph targets, are rounded so much.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
-        `vertices` has another shape or is not finite. Raises OSError if the file cannot be written; an existing file is
+        `vertices` has a wrong shape or is not finite. Raises OSError if the file cannot be written; an existing file is
         then unchanged.
         """
         from dfd.mesh.file.write import write
@@ -203,10 +203,10 @@ class Mesh:
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
         """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.
 
-        `vertices` (V, 3), if given, are its new positions. Textures become vertex colors. A vertex on a seam takes the
+        If given, `vertices` (V, 3) are the new positions. Textures become vertex colors. A vertex on a seam takes the
         color of one side of the seam.
 
-        Raises ValueError if `vertices` has another shape or is not finite.
+        Raises ValueError if `vertices` has a wrong shape or is not finite.
         """
         import trimesh
 
@@ -243,8 +243,8 @@ def load(
 ) -> Mesh:
     """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or convert one from memory.
 
-    All parts of a scene are loaded, with their transforms applied, and polygons become triangles. Units, orientation,
-    the file's numbering of vertices (see `Mesh`), faces without area and repeated faces are kept.
+    All parts of a scene are loaded. Their transforms are applied, and polygons become triangles. The mesh keeps units,
+    orientation, the file's numbering of vertices (see `Mesh`), faces without area and repeated faces.
 
     Parameters
     ----------
@@ -252,15 +252,15 @@ def load(
         Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
         Arrays are copied.
     pose
-        Matters only for a glTF file with skins or morph targets. ``"rest"`` is the shape that viewers show before any
+        This affects only glTF files with skins or morph targets. ``"rest"`` is the shape that viewers show before any
         animation. ``"bind"`` is the shape of the stored vertices, without skins and morph targets.
 
     Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
-    another type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
+    a wrong type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
 
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
-    has faces with fewer than three corners; the mesh omits them.
+    has faces with fewer than three corners; the mesh omits these faces.
     """
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh

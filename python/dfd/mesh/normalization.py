@@ -29,7 +29,7 @@ class Normalization(NamedTuple):
 
 
 def box_normalization(low: Float64, high: Float64) -> Normalization | None:
-    """Return the map of a box into the cube [−1, 1]³, which the longest side fills; None if the box is a single point.
+    """Return the map of a box into [−1, 1]³; the box's longest side gets the length 2. Return None for a single point.
 
     `low` and `high` are opposite corners (3,) of the box.
     """
@@ -39,7 +39,7 @@ def box_normalization(low: Float64, high: Float64) -> Normalization | None:
 
 
 def normalization(mesh: Mesh) -> Normalization:
-    """Return the map of the bounding box of `mesh` into the cube [−1, 1]³, which the longest side fills.
+    """Return the map of the bounding box of `mesh` into [−1, 1]³; the box's longest side gets the length 2.
 
     Raises ValueError if all vertices have the same position.
     """

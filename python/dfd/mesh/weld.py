@@ -9,10 +9,10 @@ from dfd.common.linear_algebra import Float64, Int32, Int64
 
 
 def weld(positions: Float64) -> tuple[Int64, Int32]:
-    """Return the first row (V,) of each distinct position in `positions` (N, 3), and the vertex (N,) of each row.
+    """Return the index (V,) of the first row of each vertex, and the vertex (N,) of each row of `positions` (N, 3).
 
-    Each distinct position is a vertex. Vertices have the order of their first rows. Positions must be finite. They are
-    equal if their bits are equal; -0.0 and 0.0 are also equal. There is no tolerance.
+    Each distinct position is a vertex. Vertices have the order of their first rows. Positions must be finite. Positions
+    with equal bits are equal, and -0.0 equals 0.0. There is no tolerance.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     key = np.zeros(len(rows), np.uint64)  # a hash of the bits of each row
@@ -20,7 +20,7 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
         key ^= column
         key *= np.uint64(0x9E3779B97F4A7C15)
         key ^= key >> np.uint64(29)
-    if np.diff(np.sort(key)).all():  # all positions are distinct, as on most meshes; sorting the keys is cheap
+    if np.diff(np.sort(key)).all():  # all positions are distinct, as on most meshes
         return np.arange(len(rows)), np.arange(len(rows), dtype=np.int32)
     first, vertex = first_occurrences(key)
     if (rows[first[vertex]] != rows).any():  # two different positions have the same hash
@@ -29,9 +29,9 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
 
 
 def first_occurrences(values: NDArray[Any]) -> tuple[Int64, Int32]:
-    """Return the index (V,) of the first occurrence of each distinct value, ascending, and a number (N,) per value.
+    """Return the index (V,) at which each distinct value first occurs, ascending, and the group (N,) of each value.
 
-    `values` are N numbers, or N rows. Equal values have the same number from 0 to V − 1, in the order of the indices.
+    `values` are N numbers or N rows. Equal values form a group. Groups are numbered in the order of these indices.
     """
     group = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     first = np.full(group.max(initial=-1) + 1, len(values))

@@ -97,7 +97,7 @@ class CompactFeatures:
         """Return the entries (N, d) of handles with the features `rows` (N, D), and an offset (N,) for each handle.
 
         `dfd.bind` adds the offset to the squared distances between the handle and all vertices. The offset is the
-        squared distance between a feature and its approximation, minus `radius`², and at least 0.
+        squared distance between a feature and its approximation, minus the square of `radius`, and at least 0.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)

@@ -52,7 +52,7 @@ class GltfDocument(GltfPatch):
         return found
 
     def own_mesh(self, node: int) -> Header:
-        """Return a node's mesh in the header, after copying it if nodes share it and decompressing its vertex data."""
+        """Return a node's mesh in the header. Copy the mesh first if nodes share it, and decompress its vertex data."""
         if node not in self._own:
             nodes = objects(self.header, "nodes")
             mesh = int(nodes[node]["mesh"])

@@ -18,9 +18,9 @@ NAME = "dfd key poses"
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
-    """Write a rig to the file `target`, as a "skin" with at most `most` influences per vertex or as "morph" targets.
+    """Write a rig to the file `target`, with `form` "skin" or "morph".
 
-    Raises the errors of `export_rig`.
+    In a skin, a vertex follows at most `most` joints; None sets no limit. Raises the errors of `export_rig`.
     """
     document = GltfDocument(rig.mesh)
     if form == "skin":

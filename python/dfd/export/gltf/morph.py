@@ -1,4 +1,4 @@
-"""Morph targets: one for each handle that moves. With key poses, one for the edit and one for each key pose.
+"""Morph targets: one for each handle that moves or, with key poses, one for the edit and one for each key pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
@@ -24,11 +24,11 @@ class MorphTargets:
     """Morph targets of a mesh, and their weights over time."""
 
     names: Sequence[str]
-    shapes: Sequence[Float64]  # T arrays (V, 3), mesh units: the vertices if one target has weight 1 and all others 0
+    shapes: Sequence[Float64]  # T arrays (V, 3), mesh units: the vertices if this target has weight 1 and all others 0
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rig: Rig) -> Float64:
-        """Return the vertices (V, 3) in row `moment` of `weights`: resting positions plus weighted displacements."""
+        """Return the vertices (V, 3) for row `moment` of `weights`: resting positions plus weighted displacements."""
         rest = rig.mesh.vertices
         result = (rest - rig.origin).astype(np.float32) + rig.origin
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
@@ -58,7 +58,7 @@ def targets_of(rig: Rig) -> MorphTargets:
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add targets and their weights in the edit to all displayed nodes, which must lack targets. Return the nodes."""
+    """Add targets and the edit's weights to all displayed meshes, which must have no targets. Return their nodes."""
     rest = _document_positions(document, rig.mesh.vertices)
     moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
@@ -91,7 +91,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
 
 
 def _alone(edit: Edit, handle: int | None) -> Edit:
-    """Return `edit` without D₀, and with all handles at rest except `handle`; with None, all are at rest."""
+    """Return `edit` without D₀, and with all handles at rest except `handle`, which may be None."""
     rest = Transform()
     handles = tuple(each if each.id == handle else replace(each, transform=rest) for each in edit.handles)
     return replace(edit, handles=handles, default=None)
@@ -115,7 +115,7 @@ def _target(
 
 
 def _document_positions(document: GltfDocument, vertices: Float64) -> Float64:
-    """Return the vertices of `document.scene` if the vertices of the mesh are at `vertices` (V, 3)."""
+    """Return the positions of the vertices of `document.scene` if the mesh moves to `vertices` (V, 3)."""
     scene = document.scene
     result = scene.vertices.copy()
     known = (scene.vertex >= 0) & (document.vertex >= 0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
 _T = TypeVar("_T")
-MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, they have 256 MiB
+MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, these need 256 MiB
 
 
 class AssetFolder:
@@ -53,7 +53,7 @@ class AssetFolder:
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
-        """Return the texels of an image file, or None if it cannot be read. Then `shown` is added to `unreadable`."""
+        """Return the texels of an image file. If it cannot be read, add `shown` to `unreadable` and return None."""
         try:
             return self.texels(self.read(name))
         except (ValueError, OSError):
@@ -65,14 +65,14 @@ class AssetFolder:
 
         The header of an image states its size. So an image above the limit is refused before it is decoded.
 
-        Raises ValueError if the image cannot be decoded, or if all images together have more than `MOST_TEXELS`.
+        Raises ValueError if the image cannot be decoded, or the images of the mesh file have more than `MOST_TEXELS`.
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._texels:
             width, height = _read_image(data, lambda image: image.size)
             if width * height > self._texels_left:
                 raise ValueError(
-                    f"with an image of {width} × {height} texels, the file has more than {MOST_TEXELS} texels"
+                    f"an image of {width} × {height} texels exceeds the limit of {MOST_TEXELS} texels in all images"
                 )
             self._texels_left -= width * height
             self._texels[key] = _read_image(data, lambda image: np.asarray(image.convert("RGBA"), np.uint8))
@@ -118,9 +118,9 @@ def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the bytes of a regular file; refuse pipes and devices without blocking.
+    """Return the bytes of a regular file.
 
-    Raises OSError if `path` is not a regular file, or cannot be read.
+    Raises OSError, without waiting for data, if `path` is a pipe or a device. Raises OSError if it cannot be read.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")

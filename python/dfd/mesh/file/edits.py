@@ -19,7 +19,7 @@ class Edits:
         self._new: list[bytes] = []
 
     def replace(self, spans: Int64 | Sequence[tuple[int, int]], new: Iterable[bytes]) -> None:
-        """Replace each of `spans` (L, 2), from its first byte up to its end (exclusive), by its entry of `new`."""
+        """Replace byte ranges by `new`. `spans` (L, 2) holds the first byte and the end (exclusive) of each range."""
         self._spans.append(np.asarray(spans, np.int64).reshape(-1, 2))
         self._new += new
 

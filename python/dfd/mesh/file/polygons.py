@@ -10,15 +10,15 @@ import numpy as np
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64
 
-# A corner is reflex if the cross product of its edges, along the polygon's normal, is below −_REFLEX × twice the area.
+# A corner with edges a and b is reflex if n · (a × b) < −2 · _REFLEX · area, where n is the polygon's unit normal.
 _REFLEX = 1e-6
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
     """Return a mask (P,) of the faces with at least three corners, and warn if other faces are left out.
 
-    `sizes` (P,) are the faces' numbers of corners. The warning gives the number of the first face that is left out or,
-    if `lines` (P,) are the faces' line numbers, its line.
+    `sizes` (P,) holds the number of corners of each face. The warning gives the index of the first face that is left
+    out, or its line in the file, if `lines` (P,) holds the line index of each face.
     """
     long: Bool = sizes >= 3
     if not long.all():
@@ -68,7 +68,7 @@ def ranges(starts: Int64, lengths: Int64) -> Int64:
 
 
 def distinct_rows(rows: Int64) -> tuple[Int64, Int64]:
-    """Return the sorted distinct rows (R, K) of `rows` (C, K), and for each of `rows` its index (C,) among them."""
+    """Return the sorted distinct rows (R, K) of `rows` (C, K), and the index (C,) of each row among them."""
     key = np.zeros(len(rows), np.int64)
     for column in rows.T:
         shifted = column - column.min(initial=0)
@@ -93,7 +93,7 @@ def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> 
         edges = points[following] - points
         turns = np.empty_like(edges)
         turns[following] = np.cross(edges, edges[following])
-        around = np.cross(points - points[begins][polygon], edges)  # their sum is Newell's normal
+        around = np.cross(points - points[begins][polygon], edges)  # the sum of these is Newell's normal
         normals = np.add.reduceat(around, begins, axis=0)
         size = np.linalg.norm(normals, axis=1)  # twice the area of each polygon
         unit = normals / np.where(size > 0, size, 1)[:, None]

@@ -28,7 +28,7 @@ class Geometry:
 
     vertices: Float64  # (N, 3)
     faces: Int64  # (F, 3)
-    normals: Float64 | None = None  # (N, 3) the normals in the file; None if it has none
+    normals: Float64 | None = None  # (N, 3) the normals in the file; None if the file has none
     uv: Float64 | None = None  # (N, 2) texture coordinates; v points up
     colors: Float32 | None = None  # (N, 4) display-referred RGBA in [0, 1]
     face_colors: Float32 | None = None  # (F, 4) RGBA of each face, in place of vertex colors
@@ -44,7 +44,7 @@ class MeshInstance:
     part: str  # name of a part of the scene; consecutive instances with equal names form one part
     name: str  # name of the geometry
     geometry: Geometry
-    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) from local to scene, or (N, 4, 4) by vertex
+    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) local to scene; (N, 4, 4) with a skin
     source: tuple[int, int, int] = (0, 0, 0)  # indices of node, mesh and primitive in a glTF file
 
 
@@ -139,7 +139,7 @@ def require_finite(vertices: Float64, owner: str = "") -> None:
 
 
 def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
-    """Multiply all vectors (N, 3) by one matrix (3, 3), or each vector by its own matrix if there are N, (N, 3, 3)."""
+    """Multiply vectors (N, 3) by `linear`: one matrix (3, 3), or one matrix for each vector, (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
 
 

@@ -72,7 +72,7 @@ class SceneFile:
         numbers, row i is vertex i. Without `own_vertices`, the vertices are the distinct positions that faces use, in
         the order of the rows.
 
-        Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a number is not finite.
+        Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a coordinate is not finite.
         """
         primitives, positions = place(instances)
         numbered = []

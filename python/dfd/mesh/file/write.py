@@ -112,7 +112,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
-    """Return the files to write, by name, for the moved source file, and the rounding of vertices in an STL file."""
+    """Return the contents of the rewritten files by name, and the distances by which an STL file rounds vertices."""
     data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
@@ -174,9 +174,9 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     """Return the new normals of each primitive in local coordinates; None for a primitive without normals in the file.
 
     The vertices move from `before` (V, 3) to `vertices` (V, 3). Rows, which are vertices of primitives, belong to one
-    smooth surface if they have equal positions and equal normals, even on both sides of a texture seam. They get one
-    new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different normals
-    lie on different sides of a sharp edge. Rows whose faces have not moved keep the exact normals of the file.
+    smooth surface if they have equal positions and equal normals, even on both sides of a texture seam. These rows get
+    one new normal: the area-weighted mean of the normals of their faces. Rows with equal positions and different
+    normals lie on different sides of a sharp edge. Rows whose faces have not moved keep the exact normals of the file.
     """
     own = [each.normals for each in scene.primitives]
     changed = (vertices != before).any(axis=1)
@@ -195,7 +195,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     stale = np.zeros(len(first), bool)
     stale[faces[changed[scene.faces].any(axis=1)]] = True
     new = _normal_sums(vertices, scene, faces, len(first))
-    # In some files or by mirroring transforms, faces are wound inward. New normals stay on the side of the old normals.
+    # In some files and under mirroring transforms, faces are wound inward. New normals stay on the old normals' side.
     inward = np.einsum("ij,ij->i", _normal_sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
@@ -210,5 +210,5 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
 
 
 def _normal_sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
-    """Return for each group of rows the sum (count, 3) of its face normals, each as long as twice the face's area."""
+    """Return the sum (count, 3) of the face normals of each group; a normal is as long as twice its face's area."""
     return group_sums(faces.ravel(), np.repeat(face_normals(vertices, scene.faces), 3, axis=0), count)

@@ -31,14 +31,14 @@ class GltfBuilder:
     def __init__(self, header: Header) -> None:
         self.header = header
         self._data = bytearray()
-        self._left: list[Header] = []  # further buffers, which stay references because they cannot be read
+        self._left: list[Header] = []  # buffers that cannot be read; the file keeps references to them
 
     def accessor(
         self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False, normalized: bool = False
     ) -> int:
         """Append an array with one element in each row, and return the index of its accessor.
 
-        `attribute` marks the data as a vertex attribute. `bounds` also stores the smallest and largest values.
+        `attribute` marks the data as a vertex attribute. `bounds` stores the minimum and maximum of each component.
         """
         kind = _KINDS[values.shape[1:]]
         stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)

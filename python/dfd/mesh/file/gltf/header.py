@@ -24,7 +24,7 @@ MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]` installs both
-# Prefixes of extensions that a file may require. They affect only the appearance, add unrelated data or are supported.
+# Prefixes of extensions that a file may require: they affect only its appearance, add unrelated data or are supported.
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
@@ -37,7 +37,7 @@ _LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
 _MOST_ZEROS = 2**20  # largest number of items of an accessor without data, unless an accessor with data has more
 _DEEPEST = 1000  # largest nesting depth of nodes
 _DEEPEST_JSON = 200  # largest nesting depth of JSON values
-# Largest ratio of the total length of buffer views to that of buffers, and of the total of accessors to that of views.
+# Largest ratio of the total length of all buffer views to that of all buffers, and of all accessors to all views.
 _MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; the ratio is checked only above this total length
 

@@ -20,16 +20,16 @@ class Surface:
 
     material: Material
     uv_set: int = 0  # n of the attribute TEXCOORD_n
-    uv_transform: Float64 | None = None  # (2, 3) matrix of KHR_texture_transform; its v points down
+    uv_transform: Float64 | None = None  # (2, 3) KHR_texture_transform, for coordinates whose v points down
 
 
 def read_surface(data: GltfData, index: int) -> Surface:
-    """Return the material with this index, with its base color and the texture of this color."""
+    """Return the material with the index `index`: its base color, and the texture of the base color."""
     content = data.header["materials"][index]
     found = content.get("pbrMetallicRoughness")
     base = found if isinstance(found, dict) else {}
     factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
-    # In this older model of materials, the diffuse color takes the place of the base color.
+    # This extension is an older model of materials. It stores a diffuse color in place of the base color.
     glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
     if glossiness is not None:
         factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")

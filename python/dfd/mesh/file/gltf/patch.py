@@ -57,7 +57,7 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
 
 
 def keeps_origin(source: GltfData, each: Primitive) -> bool:
-    """Return whether the node of a primitive has a skin or morph targets, so that its origin must stay."""
+    """Return whether the node of a primitive has a skin or morph targets, so that the origin of vertices must stay."""
     node, mesh, _ = each.source
     primitives = source.header["meshes"][mesh]["primitives"]
     return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)
@@ -76,7 +76,7 @@ class GltfPatch(GltfBuilder):
 
     def _take_buffers(self) -> None:
         """Concatenate the buffers that can be read; all other buffers stay references."""
-        moved_to: dict[int, tuple[int, int]] = {}  # from each buffer to its new index and first byte
+        moved_to: dict[int, tuple[int, int]] = {}  # by a buffer's old index: its new index and first byte
         for index, buffer in enumerate(self.header.get("buffers", [])):
             try:
                 moved_to[index] = (0, self._append(self.source.buffer(index)))
@@ -123,7 +123,7 @@ class GltfPatch(GltfBuilder):
         """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
-        attributes.pop("TANGENT", None)  # wrong on the moved surface; viewers recompute missing tangents
+        attributes.pop("TANGENT", None)  # they would be wrong on the moved surface; viewers compute missing tangents
         geometry = each.geometry
         positions = [geometry.vertices, each.vertices, geometry.stored]
         if origin is not None:
@@ -183,7 +183,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Record the rows that differ between `old` and `new`. `stored` are positions without morph targets, if any."""
+        """Record the rows in which `old` and `new` differ. Morph targets move the positions `stored` to `old`."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

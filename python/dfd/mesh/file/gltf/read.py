@@ -22,7 +22,7 @@ from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, 
 from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
-_SEAM = 1e-4  # seams that rounding opens by up to this fraction of the longest side of the box are closed
+_SEAM = 1e-4  # widest seam that is closed, as a fraction of the bounding box's longest side; rounding opens seams
 
 
 def parse(data: bytes, assets: AssetFolder) -> GltfData:
@@ -73,7 +73,7 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
 def _skinned(
     primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: Float64
 ) -> dict[int, Float64]:
-    """Return the transforms (rows, 4, 4) of each primitive of a node that has skin weights, by primitive index."""
+    """Return the transforms (rows, 4, 4) of those of a node's primitives that have skin weights, by primitive index."""
     found = {}
     for number, _, geometry in primitives:
         transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
@@ -172,7 +172,7 @@ def shown_nodes(header: Header) -> set[int]:
 
 
 def world_transforms(header: Header) -> dict[int, Float64]:
-    """Return the transform (4, 4) from each node to the scene. Nodes outside the scene are included, for joints."""
+    """Return the transform (4, 4) from each node to the scene, even for nodes outside the scene: they may be joints."""
     nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, Float64] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
@@ -279,7 +279,7 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
     """Return `transforms` (rows, 4, 4), made equal at vertices of one position if they differ only by rounding.
 
-    Exporters round the weights of each vertex separately. Seams of texture or normals would otherwise open.
+    Exporters round the weights of each vertex separately. With unequal transforms, seams of texture or normals open.
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:

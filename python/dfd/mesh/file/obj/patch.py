@@ -70,7 +70,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions)
 
 
 def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
-    """In `mtllib` lines, replace all MTL files in `read` by the single MTL file `name`. If it is None, remove them."""
+    """In `mtllib` lines, replace all MTL files in `read` by the MTL file `name`, or remove them if `name` is None."""
     ends = np.flatnonzero(np.frombuffer(text.data + b"\n", np.uint8) == ord("\n"))
     for line, keyword, rest in text.statements:
         named = [rest] if rest in read else rest.split()

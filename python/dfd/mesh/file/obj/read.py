@@ -20,7 +20,7 @@ _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
-    """Return the mesh instances, the file's vertex (R,) of each row, and the row (C,) of each face corner.
+    """Return the mesh instances, the index (R,) of each row's vertex in the file, and the row (C,) of each face corner.
 
     A row is a vertex of an instance. Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one
     object. Within a part, faces are sorted by material. Faces with fewer than three corners are skipped with a warning.
@@ -72,7 +72,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts, and the index (P,) of each face's part."""
     none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
     several = [(names, part) for names, part in found if (part != part[:1]).any()]
-    named = [(names, part) for names, part in found if part.any()]  # all faces have one name
+    named = [(names, part) for names, part in found if part.any()]  # here, all faces have one name
     return [*several, *named, none][0]
 
 

@@ -47,7 +47,7 @@ class ObjText:
     corner_spans: Int64  # (C, 2) bytes of `data` at which each face corner begins and ends
     sizes: Int64  # (P,) number of corners of each face
     face_lines: Int64  # (P,) line number of each face
-    statements: tuple[tuple[int, str, str], ...]  # line number, keyword and other words of `_STATEMENTS` lines
+    statements: tuple[tuple[int, str, str], ...]  # (line number, keyword, rest) of `_STATEMENTS` lines
 
 
 def decoded(data: bytes) -> str:
@@ -176,7 +176,7 @@ def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     """Return the indices (C, 3) of the position, UV and normal of each face corner, from 0; −1 for none.
 
-    `counted` holds the line numbers of positions, UVs and normals, because negative indices count back from their line.
+    `counted` holds the line numbers of positions, UVs and normals, because a negative index counts back from its face.
     """
     places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
     slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)

@@ -18,7 +18,7 @@ from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
-_LONGEST_NAME = 60  # characters; longer names of materials are cut, because names of texture files contain them
+_LONGEST_NAME = 60  # characters; longer names of materials are cut, because file names of textures contain the names
 
 
 def encode(vertices: Float64, faces: Int32) -> bytes:
@@ -31,7 +31,7 @@ def encode_groups(
 ) -> bytes:
     """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` holds texture coordinates (R, 2), with v pointing up, and the index of each face corner into them, (F, 3).
+    `uv` holds texture coordinates (R, 2), with v pointing up, and the index of each face corner in them, (F, 3).
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -81,8 +81,8 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
 class Companions:
     """The files that are written next to an OBJ file; unrelated files are never overwritten.
 
-    An existing file with other content is overwritten under two conditions: its name begins with the stem of the OBJ
-    file `target`, and an older OBJ file at `target` uses it as its MTL file or as a texture of its MTL file.
+    An existing file with other content is overwritten only if its name begins with the stem of the OBJ file `target`,
+    and an older OBJ file at `target` uses it as its MTL file or as a texture of its MTL file.
     """
 
     def __init__(self, target: Path) -> None:
@@ -115,7 +115,7 @@ class Companions:
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return the names of files that an old OBJ file `target` references and that begin with the stem of `target`."""
+    """Return those names of an old OBJ file's MTL files and textures that begin with the stem of the file `target`."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:
@@ -140,7 +140,7 @@ class _MaterialLibrary:
         self._unique = UniqueNames(2)
 
     def add(self, material: Material | None) -> str | None:
-        """Return the name of a material, and add it on first use; None for a default material."""
+        """Add a material on its first use, and return its name; None for a default material."""
         if material is None or material.is_default:
             return None
         if id(material) not in self._names:
@@ -154,7 +154,7 @@ class _MaterialLibrary:
         return self._names[id(material)]
 
     def plain(self, gray: float) -> str:
-        """Return the name of a material of this gray, and add it on first use."""
+        """Add a material with the color `gray` on its first use, and return its name."""
         if (gray_id := -int(1000 * gray)) not in self._names:
             name = self._names[gray_id] = self._unused("plain")
             self.text += f"newmtl {name}\nKd {gray} {gray} {gray}\n\n"

@@ -42,7 +42,7 @@ def read_off(data: bytes) -> Geometry:
         raise ValueError(
             f"it should have {vertex_count} vertices and {face_count} faces, but has only {len(rest)} lines for them"
         )
-    width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # with the letter N, normals follow
+    width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # NOFF: a normal follows the position
     vertices = np.empty((vertex_count, width))
     for number, line in enumerate(rest[:vertex_count]):
         words = line.split(None, width)[:width]
@@ -131,7 +131,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
         moved["normal"][changed] = _turned(binary["normal"], old, corners.reshape(-1, 3, 3))[changed]
         return data[:_STL_HEADER] + moved.tobytes()
     places, turns = list(_STL_VERTEX.finditer(data)), list(_STL_NORMAL.finditer(data))
-    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # e.g. a solid's name contains a keyword
+    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # for example, a solid's name has a keyword
         return encode_stl(corners)
     old = np.array([each.groups() for each in places], np.float64)
     normals = np.array([each.groups() for each in turns], np.float64)
