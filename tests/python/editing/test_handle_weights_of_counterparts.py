@@ -230,26 +230,28 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
     assert np.abs(session.vertices - mesh.vertices).max() > 0.2
 
 
-def test_the_blend_band_widens_with_the_motion_of_the_border(mesh, field, sample, foot):
+def test_the_blend_band_widens_if_the_border_moves_across_the_limb(mesh, field, sample, foot):
     features = np.eye(16, dtype=np.float32)[sample.labels]
     session = dfd.Deformer(mesh, field, features=features)
     held = session.add(foot)
     rest = session.weights[:, 0].copy()
-    widths, up = [], 0.3 * mesh.diagonal
+    widths, far = [], 0.3 * mesh.diagonal
     for share in (0.001, 0.1, 1.0):
-        session.move(held, translation=(0, share * up, 0))
+        session.move(held, translation=(share * far, 0, 0))
         weights = session.weights[:, 0]
         widths.append(((weights > 0.01) & (weights < 0.99)).sum())
         assert weights[foot] == 1
-        assert session.vertices[foot] == pytest.approx(mesh.vertices[foot] + (0, share * up, 0))
+        assert session.vertices[foot] == pytest.approx(mesh.vertices[foot] + (share * far, 0, 0))
         if share < 0.01:
             np.testing.assert_array_equal(weights, rest)
     assert widths[0] < widths[-1]
-    # A small rotation about the base moves the border little.
+    # A small rotation about the base moves the border little, and a translation along the leg only lengthens the leg.
     session.move(held, translation=(0, 0, 0), rotation=(0, 0.5, 0), pivot="base")
     np.testing.assert_array_equal(session.weights[:, 0], rest)
-    poses = [dfd.KeyPose(1.0, {held: Transform(translation=(0, up, 0))})]
+    session.move(held, translation=(0, -0.1 * far, 0), rotation=(0, 0, 0))
+    np.testing.assert_array_equal(session.weights[:, 0], rest)
+    poses = [dfd.KeyPose(1.0, {held: Transform(translation=(far, 0, 0))})]
     rig = rig_of(session, poses)
-    session.move(held, translation=(0, up, 0), rotation=(0, 0, 0), pivot="point")
+    session.move(held, translation=(far, 0, 0), rotation=(0, 0, 0), pivot="point")
     *_, (_, edit) = rig.moments()
     np.testing.assert_allclose(rig.posed(edit), session.vertices, atol=1e-6)
