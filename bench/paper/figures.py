@@ -67,7 +67,7 @@ FIGURES: dict[str, Figure] = {
     ),
     "fig13": Figure(
         "training on vertices gives much worse weights",
-        "difference from the fine copy's weights, trained on vertices / on all pixels",
+        "difference from weights of the fine mesh's field, trained on vertices / on all pixels",
         ratio("mean difference", VERTICES, PIXELS),
         1.5,
     ),

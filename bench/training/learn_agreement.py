@@ -21,14 +21,14 @@ from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # smallest IoU of a handle that is right
-SHARED = 0.6  # smallest fraction of joint names that are equal in two compared rigs
+RIGHT = 0.6  # smallest IoU with which a handle counts as right
+SHARED = 0.6  # A rig's handles are transferred to rigs with more than this fraction of its joint names.
 TARGETS = 3  # largest number of rigs to which each handle is transferred
-FAMILY_POWER = 0.5  # The weight of a family is its number of handles to this power.
+FAMILY_POWER = 0.5  # The weight of a family is its number of handles raised to this power.
 
 
 def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tuple[str, Float64, bool]]:
-    """Transfer a handle of every joint to other rigs; yield its family, `differences` (2,) and whether it is right."""
+    """Transfer a handle of every joint to other rigs; yield the family, `differences` (2,), and whether it is right."""
     generator = np.random.default_rng(0)
     for shape, session in shapes:
         family, names = family_of(shape.name), set(shape.joints)
@@ -40,8 +40,8 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
             moved = session.following[:, 0] >= MOVED
             meant = [(soft_iou(shape.areas, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
             overlap, joints = max(meant, default=(0.0, []))
-            for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
-                other, target = others[number]
+            for index in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
+                other, target = others[index]
                 if set(joints) <= set(other.joints):
                     target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
@@ -50,7 +50,7 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:
-    """Return the three constants of `agreement` that maximize the likelihood of `right` (N,) for `rows` (N, 2)."""
+    """Return the three constants of `dfd.editing.agreement` that make `right` (N,) most likely for `rows` (N, 2)."""
     sign = np.where(right, -1.0, 1.0)
 
     def loss(constants: Float64) -> float:
