@@ -152,10 +152,9 @@ def fig13(context: Context) -> Page:
         return {"roughness": roughness(mesh, each.weights[:, 0]), **compared}
 
     text = (
-        f"A field is trained on pictures of the fine mesh or of its copy with {COARSE} faces, which are larger than "
-        "the details of the features. The fit to all pixels and the fit to vertices take the same number of steps. "
-        "Roughness: mean of |∇W| for the weights W on the fine mesh, in units of 1 / diagonal. Mean difference: from "
-        "the weights by the first field, which was trained on the fine mesh (paper preset)."
+        f"The coarse copy has {COARSE} faces, which are larger than the details of the features. The fit to all pixels "
+        "and the fit to vertices take the same number of steps. Roughness: mean of |∇W| (weights W) on the fine mesh, "
+        "in units of 1 / diagonal. Mean difference: from the weights by the field of the fine mesh (paper preset)."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 

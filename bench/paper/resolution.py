@@ -36,10 +36,10 @@ BOUNDARY, CLAY = (0.85, 0.15, 0.1), (0.82, 0.81, 0.78)
 NEAR = 0.005  # largest distance of neighboring vertices of two components, relative to the diagonal
 
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
-DIVISORS = (1, 2, 8)  # after remeshing, no edge is longer than the mean edge length divided by this
-RENDERING = ("simplify", "render")  # the stages that the paper's time R includes
+DIVISORS = (1, 2, 8)  # After remeshing, no edge is longer than the mean edge length of the shape divided by this.
+RENDERING = ("simplify", "render")  # stages of the distillation that the paper's time R includes
 
-COUNTS = (1, 10, 100)  # handles per set in Table 3
+COUNTS = (1, 10, 100)  # numbers of handles per set in Table 3
 SOLID = ("spot", "koala", "fox", "scorpion", "shark", "boat", "quadruped")
 REBOUND = dict.fromkeys((*SOLID, "kaykit_chair_A", "table_roundlarge", "chair"))
 # Seconds of the paper's Table 3, by COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.
@@ -183,7 +183,7 @@ def fig17(context: Context) -> Page:
 
 
 def remeshed(shape: Shape, divisor: int) -> Shape:
-    """Remesh a shape until no edge is longer than the mean length divided by `divisor`. With 1, return the shape."""
+    """Subdivide a shape until no edge is longer than its mean edge length divided by `divisor`; 1 changes nothing."""
     if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)
@@ -214,10 +214,10 @@ def fig18(context: Context) -> Page:
         return {**size, **taken[subject.shape.name, subject.preset], "I s": inference}
 
     text = (
-        "#NM: number of edges with more than two faces, and of vertices whose faces form more than one fan. #H: number "
-        "of holes. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds for the "
-        "features of all vertices, the weights of one handle, and the posed shape. Each mesh is shown as it is, and "
-        "remeshed by trimesh to shorter edges. The paper distills Lucy, 28 million faces, within a minute (NVIDIA A40)."
+        "#NM: edges with more than two faces, plus other vertices whose faces form more than one fan. #H: number of "
+        "holes. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds for the "
+        "features of all vertices, the weights of one handle, and the posed shape. Each mesh is used as it is, and "
+        "subdivided by trimesh. The paper distills a scan with 28 million faces within a minute (NVIDIA A40)."
     )
     return gallery(subjects(), lambda subject: {"pull": subject.pull()}, measure, text)
 

@@ -25,15 +25,15 @@ from dfd.mesh.file.gltf.header import objects, parents
 LARGEST_MEANT = 0.6  # A user does not mean a subtree with a larger fraction of the surface area.
 SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # A joint gets handles if its subtree's area fraction is within.
 HANDLES = 3  # per joint
-HELD_WELL = 0.7  # soft IoU from which a joint is held well
+HELD_WELL = 0.7  # smallest soft IoU of a joint that counts as held well
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
-    "left behind": "the fraction of the joint's subtree that does not follow the handle",
+    "left behind": "the fraction of the area of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }
-# In rigs for inverse kinematics, feet are children of a root. `read_rigged` makes them children of a bordering limb.
+# In rigs for inverse kinematics, feet are children of a root. `read_rigged` makes them children of the adjacent limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Joints of the Unreal mannequin, without side, each after its parent. Files with a flat list of joints use this tree.
+# Joints of the Unreal mannequin without their sides, each after its parent, for files that list joints without parents.
 CHAINS = (
     "root pelvis spine_01 spine_02 spine_03 neck_01 head",
     "spine_03 clavicle upperarm lowerarm hand",
@@ -49,9 +49,9 @@ class RiggedShape:
     name: str
     mesh: dfd.Mesh
     areas: Float64  # (V,) fraction of the surface area that belongs to each vertex
-    joints: tuple[str, ...]  # (J,) names
-    parent: Int64  # (J,) the parent of each joint, −1 for a root
-    of_vertex: Int64  # (V,) the joint with the largest weight at each vertex, −1 for none
+    joints: tuple[str, ...]  # (J,) names of the joints
+    parent: Int64  # (J,) index of each joint's parent, −1 for a root
+    of_vertex: Int64  # (V,) index of the joint with the largest skin weight at each vertex, −1 for none
 
     def subtree(self, joint: int) -> Bool:
         """Return the mask (V,) of the vertices that belong to a joint or its descendants."""
@@ -60,7 +60,7 @@ class RiggedShape:
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set that a user may mean by a handle at a vertex: names of joints, and a mask (V,)."""
+        """Yield every set that a user may mean by a handle at a vertex: names of joints, and the mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -68,7 +68,7 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
-        """Return the best soft IoU of `weights` (V,) with a set of `meant`, and the fraction that is left behind."""
+        """Return the best soft IoU of `weights` (V,) with a set of `meant`, and the fraction left behind."""
         own = self.subtree(int(self.of_vertex[vertex]))
         best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())
@@ -84,7 +84,7 @@ class RiggedShape:
         return found
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """Yield the joint alone, then with its other side, with this joint of all limbs, and with all of its kind."""
+        """Yield joints: this one alone, then with its other side, then with all similar limbs, then with its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])
@@ -93,7 +93,7 @@ class RiggedShape:
 
 
 def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
-    """Yield the rigs of the GLB files in a folder that have a joint for handles; `quick` reads two files.
+    """Yield those rigs of a folder's GLB files that have a joint for `handles`; `quick` reads only two files.
 
     Raises ValueError if the folder has no GLB file.
     """
@@ -128,7 +128,7 @@ def read_rigged(path: Path) -> RiggedShape:
 
 
 def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
-    """Return the parent (J,) of each joint from the nodes of the file, or from `MANNEQUIN` if no joint has one."""
+    """Return the parent (J,) of each joint in the file's nodes; if no joint has a parent there, use `MANNEQUIN`."""
     header = mesh.scene.gltf.header
     nodes, above = objects(header, "nodes"), parents(header)
     number = {name: index for index, name in enumerate(joints)}
@@ -155,7 +155,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """Return the joint to which most edges lead from the subtree of `joint`, or its parent if no edge leads out."""
+    """Return the joint that shares the most edges with the subtree of `joint`, or its parent if none does."""
     inside = shape.subtree(joint)
     edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])
@@ -165,12 +165,12 @@ def _bordering(shape: RiggedShape, joint: int) -> int:
 
 
 def sides_as_one(joint: str) -> str:
-    """Return a joint's name without side and number: "upperarm.l", "LeftUpperArm", "UpperArm_R" give "upperarm"."""
+    """Return a joint's name without its side and number: "upperarm.l", "LeftUpperArm", "UpperArm_R" → "upperarm"."""
     name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
     name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
     return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
 
 
 def _limb(joint: str) -> str:
-    """Return a joint's name without side, number, and "front", "hind" or the like."""
+    """Return a joint's name without its side, its number, and words such as "front" or "hind"."""
     return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", sides_as_one(joint)).strip("._- ")

@@ -151,8 +151,7 @@ def report(lessons: tuple[UpLesson, ...]) -> str:
             # If the +y of a file is frame 0 or 1 of the shape, the file's z is the upright axis.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
         columns = ("family", "shapes", "kept upright", "found z up", "found, 6 directions")
-        said = "Fraction of shapes whose upright axis (up direction) is found. The probe for each is learned without"
-        blocks += [f"{said} {left_out}:", to_markdown(columns, rows)]
+        blocks += [f"Fraction of correct axes (directions) if learned without {left_out}:", to_markdown(columns, rows)]
     return "\n\n".join(blocks) + "\n"
 
 

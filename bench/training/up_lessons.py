@@ -1,7 +1,6 @@
-"""Learn an up probe, which finds the up direction of a shape from tokens (feature vectors) of pictures.
+"""Learn an `UpProbe`: its votes by ridge regression, and its odds by logistic regression.
 
-The log-odds of a candidate direction are a weighted sum of nine terms: two votes, which are linear in tokens, and seven
-cues of the surface. Ridge regression learns the votes. Logistic regression learns the weights, called odds here.
+Odds weight nine terms: two votes, linear in the tokens (feature vectors) of pictures, and seven cues of the surface.
 """
 
 from collections.abc import Collection, Sequence
@@ -199,7 +198,7 @@ def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Floa
     """Return, by name, log-odds (7, 6) of every shape's six candidates for up, from votes learned without its group.
 
     Row i of the first six uses only the pictures of `FRAMES[i]`. The last row uses all pictures. To save time, odds are
-    learned once for each fold: without the groups of the fold, which include the shape's group.
+    learned without a whole fold of groups, one of which is the shape's.
     """
     found: dict[str, Float64] = {}
     groups = list(dict.fromkeys(getattr(each, group) for each in lessons))

@@ -26,7 +26,7 @@ from dfd.common.linear_algebra import Float64, Int64
 PATIENCE = 300.0  # time limit for all steps of one peer on one shape, seconds
 FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the diagonal
-MOST_FACES = 6_000  # number of faces of the filled surface; filling more would take minutes on two cores
+MOST_FACES = 6_000  # number of faces of the filled surface; with more, fTetWild would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
 
 
@@ -40,8 +40,8 @@ class Tetrahedra:
 
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
-    corners: Int64  # (V, 3) nodes of the boundary triangle with the closest point
-    barycentric: Float64  # (V, 3) coordinates of the closest point in its triangle
+    corners: Int64  # (V, 3) node indices of the boundary triangle that contains the closest point
+    barycentric: Float64  # (V, 3) barycentric coordinates of the closest point in this triangle
     seconds: float  # time to fill the surface
 
     def nearest(self, points: Float64) -> Int64:
@@ -49,7 +49,7 @@ class Tetrahedra:
         return KDTree(self.nodes).query(points)[1].astype(np.int64)
 
     def on_surface(self, values: Float64) -> Float64:
-        """Interpolate `values` (N, D) at the nodes; return the values (V, D) at the vertices of the surface."""
+        """Return values (V, D) at the vertices of the surface, interpolated from `values` (N, D) at the nodes."""
         return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 
@@ -79,14 +79,14 @@ class Peer:
 class Job:
     """The constraints of one deformation."""
 
-    held: Int64  # (N,) vertex indices
+    held: Int64  # (N,) indices of the held vertices
     group: Int64  # (N,) group of each held vertex, below 0 for fixed vertices
-    targets: Float64  # (N, 3) positions that the held vertices shall reach, mesh units
+    targets: Float64  # (N, 3) target positions of the held vertices, in mesh units
 
 
 @dataclass(frozen=True)
 class Done:
-    """The result of a job: moved vertices (V, 3), mesh units, and the seconds of every step."""
+    """The result of a job: moved vertices (V, 3), in mesh units, and the seconds of every step."""
 
     vertices: Float64
     seconds: dict[str, float]
@@ -141,13 +141,13 @@ def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dic
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and an index (K,) into `held` for each."""
+    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and for each an index (K,) into `held`."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
 
 def check_components(corners: Int64, held: Int64) -> None:
-    """Raise PeerError unless every connected component of the elements `corners` (E, K) has one of the nodes `held`."""
+    """Raise PeerError if a connected component of the elements `corners` (E, K) has none of the nodes `held` (N,)."""
     component = igl.vertex_components(corners)
     if len(np.unique(component[held])) <= component.max():
         raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
@@ -171,7 +171,7 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
                 child.kill()
 
 
-cached: dict[Any, Tetrahedra | PeerError] = {}  # several peers and pages use the tetrahedra of one shape
+cached: dict[Any, Tetrahedra | PeerError] = {}  # results and errors of `tetrahedra`, which several pages use
 
 
 def tetrahedra(
