@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    # The warning lists the settings that --quick changes; each page also lists them.
+    # This warning lists the settings that --quick changes. Each page lists them, too.
     warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
     context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:

@@ -41,7 +41,7 @@ are fixed points or control points of the other methods. The shape is blue befor
 **handle error**: distance of the handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean
 changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number
 of faces that fold over. **size**: diagonal of the result divided by diagonal of the shape. **biharmonic** and **BBW**
-use tetrahedra in a copy with 6,000 faces or fewer. The networks of APAP and DeepMetaHandles are not available."""
+use tetrahedra that fill a copy with at most 6,000 faces. The networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Case:
 
     shape: Shape
     held: Int64  # (C,) vertex indices
-    targets: Float64  # (C, 3) target positions of the held vertices, mesh units
+    targets: Float64  # (C, 3) target positions of the held vertices, in mesh units
     handle: int = 0  # index of DFD's handle in `held`
     dense: bool = False  # True: all held vertices move. False: all held vertices except the handle are fixed.
 

@@ -24,7 +24,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
     Raises ValueError if `vertices` is not finite or not of the array shape (V, 3), or if no face has an area.
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    # Scaling to unit size about the origin keeps the precision for very small and very large shapes.
+    # Both shapes are scaled to unit size, which keeps the precision for very small and very large shapes.
     center, size = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
     both = [np.ascontiguousarray(each - center) / size for each in (mesh.vertices, moved)]
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)

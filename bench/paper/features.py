@@ -33,7 +33,7 @@ LUCY = (200_000, 28_000_000)  # number of faces in a quick and in a full run; th
 CHUNK = 500_000  # largest number of vertices whose features are computed in one call, to limit the memory
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
 
-COARSE = 200  # number of faces of the coarse copy; they are much larger than the details of the features
+COARSE = 200  # number of faces of the coarse copy; each face is much larger than the details of the features
 VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
@@ -106,8 +106,8 @@ def fig4(context: Context) -> Page:
     text = (
         "The reduced shape has 1 % of the faces. The table has its number of vertices, and, in eight pictures of 252² "
         "pixels, the numbers of pixels that contain a vertex and that triangles cover. Mean distance: between the "
-        "features of both fields at its vertices. Spread: mean distance of the features of the shape's field from "
-        "their mean. In the paper, one picture of the scan Lucy takes 5.7 minutes, or 3.7 s after simplification."
+        "features of the shape's and the reduced shape's field. Spread: mean distance of the features of the shape's "
+        "field from their mean. In the paper, a picture of the scan Lucy takes 5.7 min, or 3.7 s after simplification."
     )
     return Page(text, drawn, rows)
 
@@ -165,7 +165,7 @@ def fig11(context: Context) -> Page:
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
-    text = "The table has the mean change of the face angles over the surface. There is no fixed point."
+    text = "The table has the mean change of the angles of faces over the surface."
     return _encoded(context, "after", angles, text)
 
 

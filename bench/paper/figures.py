@@ -27,7 +27,7 @@ def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> R
 
 
 def ratio(name: str, dividend: dict[str, Any], divisor: dict[str, Any]) -> Rule:
-    """Return a rule: the mean of column `name` over rows with `dividend`, divided by that over rows with `divisor`."""
+    """Return a rule: mean of column `name` over rows with `dividend`, divided by its mean over rows with `divisor`."""
     return lambda rows: column(name, **dividend)(rows) / max(column(name, **divisor)(rows), 1e-9)
 
 
@@ -36,7 +36,7 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-# Conditions on rows. Rows with a note failed, or their result is too large. PEERS and COORDINATES exclude them.
+# Conditions that select rows. A row with a note failed, or its result is too large; PEERS and COORDINATES skip it.
 DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}

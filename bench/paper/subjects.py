@@ -1,4 +1,4 @@
-"""Provide shapes, handles, fields and sessions for the pages that reproduce the paper, by the presets `PRESETS`."""
+"""Provide shapes, handles, fields and sessions for the pages that reproduce the paper, with two presets."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the index of the vertex, with a face, nearest to `point`, given as fractions of the bounding box."""
+        """Return the vertex with a face that is nearest to `point`, which is in fractions of the bounding box."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
     def place(self, point: Sequence[float]) -> Float64:
-        """Return the position (3,), in mesh units, of `point`, given as fractions of the bounding box."""
+        """Return the position (3,), in mesh units, of `point`, which is in fractions of the bounding box."""
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
@@ -62,7 +62,7 @@ class BoxHandle:
 
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # translation, as fractions of the diagonal
-    rotation: Point | None = None  # degrees
+    rotation: Point | None = None  # angles about x, y and z, in degrees
     scale: Point | None = None  # factor along each axis
     locality: float = 0.0
     pivot: Point | None = None
@@ -80,7 +80,7 @@ class BoxHandle:
         return handle
 
 
-# The pull, a translation of one handle, of each shape. Shapes that are not listed here have the pull UPWARDS.
+# For each shape, its pull: a translation of one handle. Shapes that are not listed here have the pull UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -105,10 +105,10 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, its field by one preset, and its case: what the page does with the shape, such as a `BoxHandle`."""
+    """A shape, its field by one preset, and its case: the data of the page for this shape."""
 
     shape: Shape
-    case: Any
+    case: Any  # most often a `BoxHandle`
     preset: Preset
     field: dfd.Field
 
@@ -146,7 +146,7 @@ load_once = cache(load_encoder)
 class Context:
     """The options of a run, with methods that load the meshes and make the fields of its pages."""
 
-    quick: bool = False  # fewer and smaller pictures of fewer shapes
+    quick: bool = False  # whether to use fewer shapes, and fewer and smaller pictures
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
     say: Callable[[str], None] = lambda line: None  # reports progress
 

@@ -84,7 +84,7 @@ class RiggedShape:
         return found
 
     def _kin(self, joint: int) -> Iterator[list[int]]:
-        """Yield joints: this one alone, then with its other side, then with all similar limbs, then with its kind."""
+        """Yield lists of joints: this one, then both sides, then front and hind limbs, then all joints of its kind."""
         yield [joint]
         for same in (sides_as_one, _limb, kind_of_part):
             name = same(self.joints[joint])

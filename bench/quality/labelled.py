@@ -88,7 +88,7 @@ def _read(path: Path) -> LabelledShape:
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
-    """Return the names of the parts, and the index (F,) of the part of each face."""
+    """Return the names of the parts, and the index (F,) of each face's part."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)
     for number, faces in enumerate(lines[1::2]):

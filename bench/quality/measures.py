@@ -9,7 +9,7 @@ import dfd
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import vertex_areas
 
-Weights = NDArray[np.floating]  # (V, H), a column for each handle
+Weights = NDArray[np.floating]  # (V, H) weights, with a column for each handle
 Labels = NDArray[np.integer]  # (V,) index of each vertex's part, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertex indices
 
@@ -28,7 +28,7 @@ def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Return the average precision with which ranked `scores` (V,) find `relevant` (V,); equal scores share a rank."""
+    """Return the average precision of finding `relevant` (V,), ranked by `scores` (V,); equal scores share a rank."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -52,7 +52,7 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Return the mean over labels of the mean of `values` (H,) for each of `labels` (H,). NaN is ignored."""
+    """Average `values` (H,) over the handles with each of `labels` (H,), then over labels. NaN is ignored."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 

@@ -27,7 +27,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the first in the file."""
+    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the first one in the file."""
 
     vertex: int  # vertex of the handle: the one nearest to the center of the left joint's vertices
     left: Int64  # (N,) vertex indices

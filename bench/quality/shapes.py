@@ -47,7 +47,7 @@ def characters(folder: Path) -> Iterator[Shape]:
 
 
 def rigs(folder: Path) -> Iterator[Shape]:
-    """Yield every skinned GLB in `folder` with the parts of `KINDS`.
+    """Yield the shape of every skinned GLB in `folder`, with the parts of `KINDS`.
 
     If a file has fewer than two kinds of parts, print its name and skip it.
     """

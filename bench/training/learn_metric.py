@@ -2,7 +2,7 @@
 
 The training shapes are the samples of dfd, and the rigs and skinned characters in the folder that DFD_MESHES names;
 their up is +y. `--lessons` adds a folder with rigs and people. The features of each shape are cached in a file.
-Training on the same features writes identical files. docs/learned.md lists the shapes for the metric in the package.
+Training on the same features writes identical files. docs/learned.md lists the training shapes of the packaged metric.
 """
 
 from collections import Counter

@@ -1,7 +1,7 @@
 """`python -m bench.training.learn_up`: learn an up probe (`dfd.upright.probe`), and test it.
 
 The training shapes are the CC0 models in the folder that DFD_MESHES names, the samples of dfd, and the models in the
-folder `--lessons`. Their up is +y. Training on the same folders writes identical files. docs/learned.md lists them.
+folder `--lessons`. Their up is +y. Training on equal files writes equal files. docs/learned.md lists the models.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, 
 KEPT_OWN = 0.97  # smallest fraction of the samples and shapes from DFD_MESHES whose upright axis is the likeliest
 KEPT_UP = 0.985  # smallest fraction of shapes that are not found upside down
 Z_SHARE = 0.35  # prior log-odds of ±z in a file, divided by those of +y; many files have z up
-PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # tried prior log-odds of +y, and of +y minus −y
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # priors of +y to try, and differences to −y
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -82,7 +82,7 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
 
 
 def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons. Its odds and priors are fitted to votes learned without the voted shape."""
+    """Return the probe of all lessons. Odds and priors are fitted to each shape's votes, learned without it."""
     votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
     up, down = least_priors(lessons)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))

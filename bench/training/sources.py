@@ -20,7 +20,7 @@ RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
 LARGEST_FAMILY = 12  # largest number of models of a family from `--lessons`, so that large packs do not dominate
-# Words in the names of models that have no up direction, hang on walls, or lie in any direction.
+# Models with these words in their names are skipped: they have no up, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
     *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),

@@ -23,7 +23,7 @@ FRAMES = np.stack(axis_frames(np.eye(3)))  # (6, 3, 3) right, up and front, for 
 UPS = FRAMES[:, 1]
 TRUE = 2  # index of +y, the true up, in `UPS`
 LESSONS = "lessons/"  # prefix of the names of shapes from the folder `--lessons`
-RIDGE = 1.0  # ridge penalty for each of the J blocks of terms, which are scaled to equal size (see `Ridge`)
+RIDGE = 1.0  # ridge penalty for each of the J blocks of terms, which are scaled to equal mean square
 SHRINK = 3.0  # penalty on the squared odds, for terms that are scaled to standard deviation 1
 FOLDS = 16  # number of folds in `left_out_odds`
 NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a correct candidate and the true up direction
@@ -68,7 +68,7 @@ Group = Literal["family", "name"]  # to test a shape, either the lessons of its 
 class Ridge:
     """Learn one vote by ridge regression, from all lessons or without some of them.
 
-    A vote has J coefficients, each linear in D token values. So its terms form J blocks. They are scaled to equal size.
+    A vote has J coefficients, each linear in D token values. So its terms form J blocks. All have equal scale.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:

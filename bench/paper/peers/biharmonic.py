@@ -20,7 +20,7 @@ Solve = Callable[[Int64], Float64]  # maps the distinct nodes (K,) of K handles 
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy, 1 at the own handle and 0 at others. They reproduce affine maps."""
+    """Prepare weights of least biharmonic energy, 1 at one handle and 0 at the others. They reproduce affine maps."""
     return _binding(body, direct(body.within))
 
 
@@ -50,7 +50,7 @@ def direct(within: Tetrahedra) -> Solve:
     def solve(handles: Int64) -> Float64:
         size, components = np.ptp(nodes, axis=0).max(), igl.vertex_components(within.cells)
         for component in range(components.max() + 1):
-            # Affine functions have energy 0, so only four handles that span space determine the weights.
+            # Affine functions have energy 0, so weights are unique only if four handles do not lie in a plane.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
                 on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
@@ -105,7 +105,7 @@ def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     The matrix is (L + B)ᵀ M⁻¹ (L + B) with lumped masses M. L integrates −∇φ·∇u over the volume. B integrates φ ∂u/∂n
     over the boundary triangles. For an affine u, L + B then gives 0 at every node.
     """
-    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # only scales the energy
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size; this only scales the energy
     volumes = np.abs(igl.volume(positions, cells))
     if volumes.min() <= 0:
         raise PeerError("has tetrahedra without volume")

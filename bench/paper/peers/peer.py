@@ -23,8 +23,8 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # time limit for all steps of one peer on one shape, seconds
-FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
+PATIENCE = 300.0  # time limit for all steps of one peer on one shape, in seconds
+FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, in seconds
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the diagonal
 MOST_FACES = 6_000  # number of faces of the filled surface; with more, fTetWild would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
@@ -36,13 +36,13 @@ class PeerError(RuntimeError):
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """Tetrahedra that fill a surface, and the closest point of their boundary to each vertex of the surface."""
+    """Tetrahedra that fill a surface, and for each vertex of the surface, the closest point of their boundary."""
 
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
     corners: Int64  # (V, 3) node indices of the boundary triangle that contains the closest point
     barycentric: Float64  # (V, 3) barycentric coordinates of the closest point in this triangle
-    seconds: float  # time to fill the surface
+    seconds: float  # duration of filling the surface
 
     def nearest(self, points: Float64) -> Int64:
         """Return the index of the node nearest to each of the points (P, 3)."""

@@ -16,7 +16,7 @@ ASIDE = 25.0  # angle in degrees between the camera's azimuth and the direction 
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return an azimuth in degrees: that of `points` (N, 3), or of the front without points, plus `ASIDE`."""
+    """Return the azimuth in degrees of `points` (N, 3) from the mesh's center, or 0 without points, plus `ASIDE`."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
