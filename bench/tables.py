@@ -1,4 +1,4 @@
-"""Format tables as CSV and as Markdown, and write text files. A cell that is None stays empty."""
+"""Format tables as CSV and as Markdown, and write text files. The text of a None cell is empty."""
 
 import csv
 import io
@@ -31,7 +31,7 @@ def to_csv(columns: Iterable[str], rows: Rows) -> str:
 
 
 def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> str:
-    """Return a Markdown table with numbers aligned right; `form` is the format of floats."""
+    """Return a Markdown table whose columns of numbers are aligned right; `form` is the format of floats."""
     right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
     rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
     return "\n".join([_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)])

@@ -1,4 +1,1 @@
-"""Reproduce each figure and table of the paper by one command, on available meshes.
-
-For each figure, one function makes a page. Its argument, a `subjects.Context`, loads meshes and makes fields.
-"""
+"""Reproduce the figures and tables of the paper on available meshes: each has one command, which writes a page."""

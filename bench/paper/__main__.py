@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
     parser.add_argument("name", metavar="NAME", nargs="?", choices=[*PAGES, *CANNOT], help="page to write, see --list")
     parser.add_argument("--list", action="store_true", help="list all pages and stop")
-    parser.add_argument("--quick", action="store_true", help="render fewer and smaller pictures of fewer shapes")
+    parser.add_argument("--quick", action="store_true", help="use fewer shapes, and fewer and smaller pictures")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="image encoder of all fields (%(default)s)")
     options = parser.parse_args(arguments)
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    # Each page lists the settings that --quick changes, so this warning would repeat them.
+    # This warning lists the settings that --quick changes. Each page lists them, too.
     warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
     context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:

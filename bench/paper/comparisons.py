@@ -18,40 +18,40 @@ from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.pictures.picture import picture
 
-# Fixed points of the other methods, as fractions of the bounding box: TOP if the handle moves down, otherwise FEET.
+# Fixed points of the other methods, as fractions of the bounding box. TOP is used if the handle moves down, else FEET.
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
-# Shapes of Fig. 9, 16 and 21. Control points below LIFTED move down by at most STRETCH (fractions of the height).
+# Shapes of Fig. 9, 16, 21. Control points below LIFTED × the shape's height move down by at most STRETCH × this height.
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (
-    "The network of DeepMetaHandles is not available. Instead, farthest point sampling selects fifty control points, "
-    "and offsets of our choice lengthen the legs."
+    "The network of DeepMetaHandles is not available. Instead, farthest point sampling selects fifty control points. "
+    "Those near the ground move down, which lengthens the legs."
 )
 
 PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
-BALL = 0.01  # largest distance of a constrained vertex from a held vertex, as a fraction of the longest side
+BALL = 0.01  # radius around a held vertex within which vertices are constrained, as a fraction of the longest side
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints gives the same weights as "biharmonic"
-EXPLODED = 3.0  # a result is not drawn if its diagonal exceeds the shape's diagonal by this factor
-BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the two silhouettes
+EXPLODED = 3.0  # a result is not drawn if its diagonal is more than this times the shape's diagonal
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the shape at rest and deformed
 LEGEND = """\
-In pictures of the shape at rest, the dot is the handle. In the other pictures, it is the handle's target. Squares are
-fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
+In pictures of the shape at rest, the dot is the handle. In the other pictures, the dot is the handle's target. Squares
+are fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
 **handle error**: distance of the handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean
 changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number
 of faces that fold over. **size**: diagonal of the result divided by diagonal of the shape. **biharmonic** and **BBW**
-use tetrahedra in a copy with 6,000 faces or fewer. The networks of APAP and DeepMetaHandles are not available."""
+use tetrahedra that fill a copy with at most 6,000 faces. The networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A shape and its held vertices. The other methods constrain all of these. DFD moves one of them, the handle."""
+    """A shape and its held vertices. The other methods constrain all held vertices. DFD moves only one, the handle."""
 
     shape: Shape
     held: Int64  # (C,) vertex indices
-    targets: Float64  # (C, 3) target positions of the held vertices, mesh units
-    handle: int = 0  # index into `held` of DFD's handle
+    targets: Float64  # (C, 3) target positions of the held vertices, in mesh units
+    handle: int = 0  # index of DFD's handle in `held`
     dense: bool = False  # True: all held vertices move. False: all held vertices except the handle are fixed.
 
     @property
@@ -66,7 +66,7 @@ class Case:
 
 
 def pulls(context: Context, most: tuple[int, int]) -> Iterator[Case]:
-    """Yield a case for each available mesh: a translation of one handle, from `PULLS`."""
+    """Yield a case for each available mesh of `PULLS`: the translation of one handle."""
     return (case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most))
 
 
@@ -102,7 +102,7 @@ def farthest(points: Float64, count: int) -> Int64:
 
 
 def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = False) -> dfd.Deformer:
-    """Return a session that moves the handle to its target; with `all_handles`, every held vertex is such a handle."""
+    """Return a session that moves the handle to its target; `all_handles` makes every held vertex such a handle."""
     rows = slice(None) if all_handles else [case.handle]
     held, offsets = case.held[rows], (case.targets - case.shape.mesh.vertices[case.held])[rows]
     subject = Subject(case.shape, None, preset, context.field(case.shape, preset))
@@ -117,8 +117,8 @@ def deform(name: str, case: Case, ball: float) -> Float64:
 def constraints(case: Case, ball: float) -> Job:
     """Return the constraints of the other methods: the targets of the held vertices and of the vertices near them.
 
-    A vertex is near a held vertex within the distance `ball`, a fraction of the longest side. It moves like the nearest
-    held vertex. A handle and the vertices near it form one group. Fixed vertices and those near them have group −1.
+    Near means within `ball`, a fraction of the longest side. Such vertices move as the nearest held vertex does. A
+    handle and the vertices near it form one group. Fixed vertices, and vertices near them, have the group −1.
     """
     mesh = case.shape.mesh
     corners: Int64 = np.unique(mesh.faces).astype(np.int64)
@@ -147,7 +147,7 @@ def drawn(context: Context, case: Case, results: Mapping[str, Float64 | str], *,
 
 
 def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str, Any]) -> UInt8:
-    """Draw the shape at rest in blue, blended with the moved shape in green, and the target on top, as in Fig. 8."""
+    """Draw the shape at rest in blue, the moved shape in green, and a dot at the target on top, as in Fig. 8."""
     shown = ({}, {"vertices": moved}, {"vertices": moved, "handles": target})
     old, new, marked = (picture(mesh, **options, **where).astype(float) for options in shown)
     in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
@@ -189,7 +189,7 @@ def fig22(context: Context) -> Page:
 
 def fig21(context: Context) -> Page:
     """DFD with the fifty control points of fig9 as handles."""
-    text = f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 scales its position by the sum."
+    text = f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum."
     return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
 
 
@@ -228,7 +228,7 @@ def _compared(
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
-    """Return the table columns of `LEGEND` for moved vertices (V, 3), and a note if the result is too large."""
+    """Return the columns that `LEGEND` explains, for `moved` vertices (V, 3), and a note if the result is too large."""
     diagonal = case.shape.mesh.diagonal
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
     return {

@@ -16,7 +16,7 @@ TWISTS = {
     "human_neutral": BoxHandle((0.5, 0.75, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.45, 0.0, 1.0),)),
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
 }
-SIMILAR = 0.5  # A vertex counts as similar to the fixed point if its weight for that point (Eq. 4) is at least this.
+SIMILAR = 0.5  # A vertex is similar to a fixed point if a handle there would give it at least this weight (Eq. 4).
 
 TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
@@ -81,8 +81,8 @@ def fig5(context: Context) -> Page:
         return {"weights": subject.shape.mesh.vertices @ plane.normal > plane.offset} if plane else {}
 
     text = (
-        "Score: mean distance between the features of a vertex and of its mirror image. The paper accepts coordinate "
-        f"planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries other planes. If no "
+        "Score: mean distance between the features of vertices and of their mirror images. The paper accepts coordinate"
+        f" planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries other planes. If no "
         "plane is accepted, the score is that of the best coordinate plane. The first picture colors the two sides."
     )
     return gallery(
@@ -108,9 +108,9 @@ def fig6(context: Context) -> Page:
         return {name: float(lengths[each].mean()) for name, each in sets.items() if each.any()}
 
     text = (
-        "The table has the mean motion of vertices, in % of the diagonal. Vertices are similar to the fixed point if "
-        f"their weight for that point is at least {SIMILAR}. Despite fixed points, handles reach their targets with "
-        "dfd's default. With the paper preset, they do not."
+        "The table has the mean motion of vertices, in % of the diagonal. Vertices are similar to the fixed point if a "
+        f"handle at this point would give them a weight of at least {SIMILAR}. With dfd's default, handles reach their "
+        "targets despite fixed points. With the paper preset, they do not."
     )
     return gallery(
         context.subjects(TWISTS, (2, 3)),

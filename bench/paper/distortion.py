@@ -15,16 +15,16 @@ FOLD = -0.5  # A face is folded if the cosines between its normal and its neighb
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
-    """Return table columns: the distortion of `mesh` if its vertices move to `vertices` (V, 3), mesh units.
+    """Return table columns for the distortion of `mesh` if its vertices move to `vertices` (V, 3), in mesh units.
 
-    Area, angle and edge are mean changes over the surface, weighted by areas or lengths at rest. Volume is the change
-    of the enclosed volume, or None if the surface is open or encloses nothing. Flipped faces are faces that are folded
+    Area, angle and edge are mean absolute changes, weighted by areas or lengths at rest. Volume is the change of the
+    enclosed volume, or None if the surface is open or encloses nothing. Flipped faces are faces that are folded
     after the deformation, but not at rest. A rigid motion changes no value. Faces without area at rest are ignored.
 
     Raises ValueError if `vertices` is not finite or not of the array shape (V, 3), or if no face has an area.
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
-    # Scaling to unit size about the origin keeps the precision for very small and very large shapes.
+    # Both shapes are scaled to unit size, which keeps the precision for very small and very large shapes.
     center, size = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
     both = [np.ascontiguousarray(each - center) / size for each in (mesh.vertices, moved)]
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
@@ -48,7 +48,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
 
 
 def _folded(vertices: Float64, faces: NDArray[np.integer], edge: Int64) -> Bool:
-    """Return the mask (F,) of folded faces, see `FOLD`; `edge` (3 F,) is the edge index of each side of a face."""
+    """Return the mask (F,) of folded faces, see `FOLD`; `edge` (3 F,) are the edge indices of the faces' sides."""
     normals = unit(face_normals(vertices, faces))
     around = group_sums(edge, np.repeat(normals, 3, axis=0), edge.max() + 1)
     others = around[edge].reshape(-1, 3, 3).sum(axis=1) - 3 * normals

@@ -29,16 +29,16 @@ from dfd.pictures.picture import picture
 from dfd.views.render import Supervision, Views, render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped"))
-LUCY = (200_000, 28_000_000)  # number of faces in a quick and in a full run
-CHUNK = 500_000  # vertices whose features are computed at once, to limit the memory
+LUCY = (200_000, 28_000_000)  # number of faces in a quick and in a full run; the paper's scan Lucy has 28 million
+CHUNK = 500_000  # largest number of vertices whose features are computed in one call, to limit the memory
 SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
 
-COARSE = 200  # faces of the coarse copy, whose triangles are much larger than the details of the features
+COARSE = 200  # number of faces of the coarse copy; each face is much larger than the details of the features
 VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
-KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # by variant, the preset and the changed settings
-    "paper preset, fine copy, all pixels": ("paper", {}),
+KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # for each field of Fig. 13, the preset and the changed settings
+    "paper preset, fine mesh, all pixels": ("paper", {}),
     VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
     "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
@@ -49,8 +49,8 @@ OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
-# For each distilled shape: the handle's position, as fractions of the box, and other shapes of its class. Each of these
-# has an angle in degrees. A rotation by this angle about y turns it to face the same direction as the distilled shape.
+# For each distilled shape: the handle's position, as fractions of the bounding box, and other shapes of its class, each
+# with an angle in degrees. Rotated about y by this angle, the other shape faces the same way as the distilled shape.
 CLASSES = {
     "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
     "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
@@ -58,7 +58,7 @@ CLASSES = {
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # translation, as a fraction of the diagonal
 
-# For each chair: the handle's position on each part, as fractions of the box.
+# For each chair: the handle's position on each part, as fractions of the bounding box.
 LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.15)
 CHAIR = {"leg": LEG, "seat": SEAT, "back": BACK}
 CHAIRS = {
@@ -97,23 +97,23 @@ def fig4(context: Context) -> Page:
             own = field(few.vertices)
             # Colors depend on the main directions of the features, so both fields must be colored together.
             colors = np.split(feature_colors(np.concatenate([own, of_few])), 2)
-            for some, what in zip(colors, ("the shape", "the reduced one"), strict=True):
+            for some, what in zip(colors, ("the shape", "the reduced shape"), strict=True):
                 row.append((picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}"))
             start = {"shape": shape.name, "preset": NAMES[preset], "faces": len(mesh.faces)}
             off, spread = (float(np.linalg.norm(own - other, axis=1).mean()) for other in (of_few, own.mean(axis=0)))
             rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
     text = (
-        "Vertices and pixels are counted for the reduced shape, in eight pictures of 252² pixels. Training on vertices "
-        "uses the pixels that contain a vertex. Training on triangles uses all pixels that triangles cover. Mean "
-        "distance: between the features of both fields at the reduced shape's vertices. Spread: mean distance of the "
-        "features from their mean. In the paper, one picture of Lucy takes 5.7 minutes, or 3.7 s after simplification."
+        "The reduced shape has 1 % of the faces. The table has its number of vertices, and, in eight pictures of 252² "
+        "pixels, the numbers of pixels that contain a vertex and that triangles cover. Mean distance: between the "
+        "features of the shape's and the reduced shape's field. Spread: mean distance of the features of the shape's "
+        "field from their mean. In the paper, a picture of the scan Lucy takes 5.7 min, or 3.7 s after simplification."
     )
     return Page(text, drawn, rows)
 
 
 def distilled(context: Context, shape: Shape, preset: Preset) -> tuple[dfd.Field, float, Stages]:
-    """Distill without the cache; return the field, the seconds (without loading the encoder), and the timed stages."""
+    """Distill without the cache; return the field, the seconds without loading the encoder, and the timed stages."""
     model, stages = context.loaded(preset), Stages(show=False)
     begin = time.perf_counter()
     field = context.field(shape, preset, encoder=model, stages=stages)
@@ -128,7 +128,7 @@ def resampled(shape: Shape, count: int) -> Shape:
 
 
 def _distinct_pixels(views: Views) -> int:
-    """Return the number of pixels, in all pictures, that contain at least one training point."""
+    """Return the number of pixels that contain at least one training point, summed over all pictures."""
     return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
 
 
@@ -153,8 +153,8 @@ def fig13(context: Context) -> Page:
 
     text = (
         f"The coarse copy has {COARSE} faces, which are larger than the details of the features. The fit to all pixels "
-        "and the fit to vertices take the same number of steps. Roughness: mean of |∇W| on the fine mesh, in units of "
-        "1 / diagonal. Mean difference: mean difference from the weights of the fine copy's field (paper preset)."
+        "and the fit to vertices take the same number of steps. Roughness: mean of |∇W| (weights W) on the fine mesh, "
+        "in units of 1 / diagonal. Mean difference: from the weights by the field of the fine mesh (paper preset)."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
@@ -165,7 +165,7 @@ def fig11(context: Context) -> Page:
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
-    text = "The table has the mean change of angles over the surface. There is no fixed point and no regularization."
+    text = "The table has the mean change of the angles of faces over the surface."
     return _encoded(context, "after", angles, text)
 
 
@@ -179,8 +179,8 @@ def fig12(context: Context) -> Page:
         return {"correlation": None if each is first else found}
 
     text = (
-        "The table has the correlation with the weights of the first encoder over the surface. The paper shows DINO, "
-        "CLIP, SAM 2, Diff3F and others."
+        "The table has the correlation of the weights with those of the first encoder, over the surface. The paper "
+        "shows DINO, CLIP, SAM 2, Diff3F and others."
     )
     return _encoded(context, "weights", correlation, text)
 
@@ -197,7 +197,7 @@ def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: st
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
-    """Return the available encoders by caption, the default first, and a sentence that lists the missing ones."""
+    """Return the available encoders by caption, with the default first, and a text that lists the missing ones."""
     own = context.loaded("paper")
     label = str(own.name).rpartition("/")[2]
     found: dict[str, Choice] = {f"{label}, block {own.block}": (own.name, None)}
@@ -218,14 +218,14 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
-    """Return the mean of |∇W| over the surface for weights (V,), in units of 1 / diagonal of the box."""
+    """Return the mean of |∇W| over the surface for weights (V,), in units of 1 / diagonal of the bounding box."""
     faces = mesh.faces[(areas := face_areas(mesh.vertices, mesh.faces)) > 0].astype(np.int64)
     slopes = (igl.grad(mesh.vertices, faces) @ weights.astype(np.float64)).reshape(3, -1)
     return float(np.average(np.linalg.norm(slopes, axis=0), weights=areas[areas > 0]) * mesh.diagonal)
 
 
 def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
-    """Return the mesh with every face split into four, without colors and textures."""
+    """Split every face into four, and return the mesh without colors and textures."""
     return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
@@ -254,10 +254,10 @@ def fig19(context: Context) -> Page:
         return {"faces": len(mesh.faces), "follows %": follows, "mean difference": difference}
 
     text = (
-        "For another tessellation, the field is evaluated at its vertices. Another shape of the class is first "
-        "rotated to face the same direction, and scaled into the box of the distilled shape. Its handle is the vertex "
-        "with the feature most similar to the first handle's. The table has the percentage of the surface area with "
-        f"a weight above {FOLLOWS}, and the mean difference from the weights on the first mesh."
+        "For another tessellation, the field is evaluated at its vertices. Another shape of the class is first rotated "
+        "to face the same direction, and scaled into the bounding box of the distilled shape. Its handle is the vertex "
+        "with the feature most similar to the feature of the first handle. The table has the percentage of the surface "
+        f"area with a weight above {FOLLOWS}, and the mean difference from the weights on the first mesh."
     )
     return gallery(context.subjects(CLASSES, (1, 2)), variants, measure, text)
 

@@ -1,4 +1,4 @@
-"""List the claim of each figure and table of the paper, and the number that decides whether our result agrees.
+"""List what each figure and table of the paper claims, and the number that decides whether our result agrees.
 
 If the paper gives no number, the bound is our choice.
 """
@@ -16,7 +16,7 @@ OURS = NAMES["paper"]
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return the rule that reduces column `name` of all rows whose other columns have a value in `where`."""
+    """Return a rule that applies `reduce` to column `name` of the rows whose other columns have the values `where`."""
 
     def number(rows: Sequence[Row]) -> float:
         fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
@@ -27,16 +27,16 @@ def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> R
 
 
 def ratio(name: str, dividend: dict[str, Any], divisor: dict[str, Any]) -> Rule:
-    """Return the rule that divides the mean of column `name` over some rows by the mean over other rows."""
+    """Return a rule: mean of column `name` over rows with `dividend`, divided by its mean over rows with `divisor`."""
     return lambda rows: column(name, **dividend)(rows) / max(column(name, **divisor)(rows), 1e-9)
 
 
 def spread(found: Any) -> float:
-    """Return the largest value divided by the smallest."""
+    """Return the largest of the values `found` divided by the smallest."""
     return float(max(found) / max(min(found), 1e-9))
 
 
-# Rows with a note are failures, or results that are too large. PEERS and COORDINATES leave these rows out.
+# Conditions that select rows. A row with a note failed, or its result is too large; PEERS and COORDINATES skip it.
 DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}
@@ -67,7 +67,7 @@ FIGURES: dict[str, Figure] = {
     ),
     "fig13": Figure(
         "training on vertices gives much worse weights",
-        "difference from the fine copy's weights, trained on vertices / on all pixels",
+        "difference from weights of the fine mesh's field, trained on vertices / on all pixels",
         ratio("mean difference", VERTICES, PIXELS),
         1.5,
     ),

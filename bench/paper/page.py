@@ -25,7 +25,7 @@ Rule = Callable[[Sequence[Row]], float]  # computes one number from the table ro
 
 
 def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
-    """Return options of `picture`: a camera that faces `points` (N, 3) and shows the mesh and `moved` (V, 3)."""
+    """Return options of `picture` for a camera that faces `points` (N, 3) and shows the mesh and `moved` (V, 3)."""
     frame = [mesh.vertices, *moved]
     return {"azimuth": azimuth_towards(mesh, points), "frame": frame, "resolution": RESOLUTION, **more}
 
@@ -37,7 +37,7 @@ class Page:
     text: str
     pictures: Sequence[Pictures] = ()
     rows: Sequence[Row] = ()
-    plot: Any = None  # a matplotlib figure
+    plot: Any = None  # a matplotlib figure; drawn only if there are no pictures
 
 
 def gallery(
@@ -52,8 +52,8 @@ def gallery(
 ) -> Page:
     """Return a page with pictures and a table row for each session. `variants` returns a subject's sessions by name.
 
-    `measure` takes a subject, a session, and the subject's first session; it returns cells of the session's row. Each
-    view in `shown` is a row of pictures. `source` returns options for the picture of the shape at rest.
+    `measure` takes a subject, a session, and the subject's first session. It returns cells for the row of the session.
+    Each view in `shown` is a row of pictures. `source` returns options for the picture of the shape at rest.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []
@@ -87,7 +87,7 @@ def following(session: dfd.Deformer, least: float) -> float:
 
 @dataclass(frozen=True)
 class Figure:
-    """A claim of a figure or table of the paper, and the number that decides whether the result of dfd agrees."""
+    """What a figure or table of the paper claims, and the number that decides whether the result of dfd agrees."""
 
     paper: str  # the claim: a number, or what the pictures show
     measured: str  # what our number measures

@@ -39,7 +39,7 @@ LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
 DIVISORS = (1, 2, 8)  # after remeshing, no edge is longer than the mean edge length divided by this
 RENDERING = ("simplify", "render")  # stages of `dfd.distill` that `fig18` counts as R
 
-COUNTS = (1, 10, 100)  # handles per set in Table 3
+COUNTS = (1, 10, 100)  # numbers of handles per set in Table 3
 SOLID = ("spot", "koala", "fox", "scorpion", "shark", "boat", "quadruped")
 REBOUND = dict.fromkeys((*SOLID, "kaykit_chair_A", "table_roundlarge", "chair"))
 # Seconds in the paper's Table 3 for each of COUNTS, on one A40 GPU: means over 20 shapes with 1,000 random sets each.

@@ -1,4 +1,4 @@
-"""Provide the shapes, handles, fields and sessions of the paper's pages, for the presets "paper" and "default"."""
+"""Provide shapes, handles, fields and sessions for the pages that reproduce the paper, with two presets."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from dfd.geometry.refine import split_long_edges
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-LONGEST_EDGE = 0.03  # fraction of the diagonal; on longer edges, the interpolated weights look coarse
-# Settings of `dfd.distill` with --quick: QUICK for both presets, and QUICK_PAPER only for the preset "paper".
+LONGEST_EDGE = 0.03  # longest edge in refined shapes, as a fraction of the diagonal, so that weights look smooth
+# Settings of `dfd.distill` with --quick. QUICK is for both presets, QUICK_PAPER only for the preset "paper".
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
@@ -41,16 +41,16 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex nearest to `point`, given as fractions of the bounding box; skip vertices without faces."""
+        """Return the vertex with a face that is nearest to `point`, which is in fractions of the bounding box."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
     def place(self, point: Sequence[float]) -> Float64:
-        """Return the position (3,), mesh units, of `point`, given as fractions of the bounding box."""
+        """Return the position (3,), in mesh units, of `point`, which is in fractions of the bounding box."""
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
-        """Halve edges above `LONGEST_EDGE`; return the shape without colors, or unchanged if there is no such edge."""
+        """Halve edges longer than `LONGEST_EDGE`; return a shape without colors, or this shape if no edge is longer."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -58,16 +58,16 @@ class Shape:
 
 @dataclass(frozen=True)
 class BoxHandle:
-    """A handle and its motion for any mesh of a shape. All positions are fractions of the bounding box, 0 to 1."""
+    """A handle and its motion, for any mesh of a shape. Positions are fractions of the bounding box, 0 to 1."""
 
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # translation, as fractions of the diagonal
-    rotation: Point | None = None  # degrees
-    scale: Point | None = None
+    rotation: Point | None = None  # angles about x, y and z, in degrees
+    scale: Point | None = None  # factor along each axis
     locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
-    azimuth: float | None = None  # direction of the camera, degrees
+    azimuth: float | None = None  # azimuth of the camera, in degrees, see `dfd.pictures.picture`
 
     def on(self, shape: Shape) -> dict[str, Any]:
         """Return the keywords of `Deformer.add` for this handle on a mesh."""
@@ -80,7 +80,7 @@ class BoxHandle:
         return handle
 
 
-# For each shape, its pull: a translation of one handle. Shapes that are not in this list have the pull UPWARDS.
+# For each shape, its pull: a translation of one handle. Shapes that are not listed here have the pull UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -105,10 +105,10 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, its field by one preset, and the case: what the page does with the shape."""
+    """A shape, its field by one preset, and its case: the data of the page for this shape."""
 
     shape: Shape
-    case: Any  # most often the `BoxHandle` of the page
+    case: Any  # most often a `BoxHandle`
     preset: Preset
     field: dfd.Field
 
@@ -122,7 +122,7 @@ class Subject:
     ) -> dfd.Deformer:
         """Return a session with `handles`, given as keywords of `Deformer.add`, and fixed points at vertices `fixed`.
 
-        `symmetric` mirrors the handles at the plane that `"auto"` finds with the preset, if there is one.
+        `symmetric` sets the plane of symmetry to "auto". If the preset finds no plane, handles are not mirrored.
         """
         deformer = dfd.Deformer(self.shape.mesh, self.field, preset=self.preset, features=features)
         if symmetric:
@@ -135,7 +135,7 @@ class Subject:
         return deformer
 
     def pull(self, changes: Mapping[str, Any] | None = None, **more: Any) -> dfd.Deformer:
-        """Return a session with the handle of the case, changed by `changes`; `more` are keywords of `session`."""
+        """Return a session with the case's handle; `changes` replace its keywords, `more` are keywords of `session`."""
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
@@ -146,7 +146,7 @@ load_once = cache(load_encoder)
 class Context:
     """The options of a run, with methods that load the meshes and make the fields of its pages."""
 
-    quick: bool = False  # fewer and smaller pictures of fewer shapes
+    quick: bool = False  # whether to use fewer shapes, and fewer and smaller pictures
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
     say: Callable[[str], None] = lambda line: None  # reports progress
 
@@ -158,7 +158,7 @@ class Context:
         return {path.stem: path for path in paths if path.suffix.lower() in MESH_ENDINGS}
 
     def shape(self, name: str) -> Shape:
-        """Return the shape of the file called `name`, or of the sample if there is no such file."""
+        """Return the shape in the file called `name`, or the sample `name` if there is no such file."""
         return Shape(name, dfd.load(self.files[name]) if name in self.files else SAMPLES[name]().mesh)
 
     def quick_or_full(self, values: tuple[Any, Any]) -> Any:
@@ -166,7 +166,7 @@ class Context:
         return values[0 if self.quick else 1]
 
     def cases(self, known: Mapping[str, Any], most: tuple[int, int]) -> list[tuple[Shape, Any]]:
-        """Return the shapes for which there is a file or a sample, each with its case. `known` maps names to cases.
+        """Return each shape of `known` for which there is a file or sample, with its case. `known` maps names to cases.
 
         `most` is the largest number of shapes in a quick and in a full run.
         """
@@ -181,27 +181,27 @@ class Context:
         refined: bool = False,
         presets: Sequence[Preset] = PRESETS,
     ) -> Iterator[Subject]:
-        """Yield a subject for each shape of `cases` and each preset; `refined` halves long edges."""
+        """Yield a subject for each shape of `cases` and each preset; if `refined`, long edges are halved."""
         for found, case in self.cases(known, most):
             shape = found.refined() if refined else found
             for preset in presets:
                 yield Subject(shape, case, preset, self.field(shape, preset))
 
     def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
-        """Return the keywords of `dfd.distill` for a preset; `more` overrides the settings of a quick run."""
+        """Return the keywords of `dfd.distill` for a preset; settings in `more` override those of a quick run."""
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
         if "steps" in more:  # a fit has steps or epochs, not both
             shorter.pop("epochs", None)
         return {"preset": preset, **shorter, **more}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
-        """Return the encoder, loaded once; with the preset "paper", it also encodes the background of pictures."""
+        """Return the encoder, loaded once. For the preset "paper", the encoder also sees the background of pictures."""
         return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
 
     def field(
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
     ) -> dfd.Field:
-        """Return the field of a shape; with `stages`, ignore the cache of fields and time each stage."""
+        """Return the field of a shape. If `stages` is given, distill without the cache, and time each stage."""
         self.say(f"field of {shape.name}, {NAMES[preset]}" + "".join(f", {n} {v}" for n, v in more.items()))
         model, settings = encoder or self.loaded(preset), self.distill_settings(preset, **more)
         return dfd.distill(shape.mesh, model, progress=stages or False, cache=stages is None, **settings)

@@ -1,1 +1,1 @@
-"""Measure the quality of weights on labelled shapes and on rigs."""
+"""Measure the quality of weights on shapes with labelled parts and on rigs (skinned GLB files)."""

@@ -1,6 +1,6 @@
 """`python -m bench.quality VERB`: measure weights with the module `labelled`, `anatomy`, `borders` or `mirrored`.
 
-The table has a row for each category, with means over its shapes. The last row has the means over the categories.
+The table has a row for each category of shapes, with the means over its shapes. The last row has means over categories.
 """
 
 import argparse
@@ -24,11 +24,11 @@ MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the f
     "borders": (borders, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
 }
-Row = tuple[str, str, Mapping[str, float]]  # category, name and numbers of a shape
+Row = tuple[str, str, Mapping[str, float]]  # category and name of a shape, and its numbers by the name of the measure
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure all shapes of a folder, and write the tables again after every shape."""
+    """Measure all shapes of a folder. After every shape, write the tables again."""
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
     parser.add_argument("verb", choices=list(MEASURES), help="the reference with which the weights are compared")
     parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes; without it, labelled uses samples")
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]) -> None:
-    """Write PATH.csv with a row per shape, and PATH.md with a row per category."""
+    """Write PATH.csv with a row for each shape, and PATH.md with a row for each category."""
     names = list(rows[0][2])
     cells = [[category, name, *numbers.values()] for category, name, numbers in rows]
     table = [
@@ -69,7 +69,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
 
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Return the mean of each column over the rows with a number; None for a column without numbers."""
+    """Return the mean of each column over the rows that have a number there; None for a column without numbers."""
     return np.ma.masked_invalid(np.array(rows, float)).mean(axis=0).tolist()
 
 

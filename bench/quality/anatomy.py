@@ -28,7 +28,7 @@ HANDLES = 3  # largest number of handles per joint
 HELD_WELL = 0.7  # smallest mean soft IoU of a joint's handles if the joint is held well
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
-    "left behind": "the fraction of the joint's subtree that does not follow the handle",
+    "left behind": "the fraction of the area of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
 }
 # In rigs for inverse kinematics, feet and hands are children of a root. `read_rigged` makes them children of a limb.
@@ -49,9 +49,9 @@ class RiggedShape:
     name: str
     mesh: dfd.Mesh
     areas: Float64  # (V,) fraction of the surface area that belongs to each vertex
-    joints: tuple[str, ...]  # (J,) names
-    parent: Int64  # (J,) the parent of each joint, −1 for a root
-    of_vertex: Int64  # (V,) the joint with the largest weight at each vertex, −1 for none
+    joints: tuple[str, ...]  # (J,) names of the joints
+    parent: Int64  # (J,) index of each joint's parent, −1 for a root
+    of_vertex: Int64  # (V,) index of the joint with the largest skin weight at each vertex, −1 for none
 
     def subtree(self, joint: int) -> Bool:
         """Return the mask (V,) of the vertices that belong to a joint or its descendants."""
@@ -165,12 +165,12 @@ def _bordering(shape: RiggedShape, joint: int) -> int:
 
 
 def sides_as_one(joint: str) -> str:
-    """Return a joint's name without side and number: "upperarm.l", "LeftUpperArm", "UpperArm_R" give "upperarm"."""
+    """Return a joint's name without its side and number: "upperarm.l", "LeftUpperArm", "UpperArm_R" → "upperarm"."""
     name = re.sub(r"(?<=[a-z])[LR](?=$|[^A-Za-z])|^[lr](?=[A-Z])", "", joint).lower()
     name = re.sub(r"left|right|[._\-\s][lr]\b|\b[lr][._\-\s]|[._\-\s][lr](?=[._\-\s])", "", name)
     return re.sub(r"^[._\-\s]+|[._\-\s\d]+$", "", name)
 
 
 def _limb(joint: str) -> str:
-    """Return a joint's name without side, number, and "front", "hind" or the like."""
+    """Return a joint's name without its side, its number, and words such as "front" or "hind"."""
     return re.sub(r"front|fore|back|hind|rear|mid(dle)?", "", sides_as_one(joint)).strip("._- ")

@@ -1,4 +1,4 @@
-"""Measure how much the surface folds at the border of a part that moves, on rigs."""
+"""Measure, on rigs, how much the surface folds at the border of a moving part."""
 
 import numpy as np
 
@@ -7,18 +7,18 @@ from bench.quality.anatomy import RiggedShape
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.geometry.topology import face_sides, first_at_place
 
-MOTION = 0.3  # of the part's length, the translation perpendicular to the part's axis
-SMOOTH = 25.0  # degrees, the largest fold of a smooth border
-LEAST_EDGES = 20  # in a blend band that is measured
+MOTION = 0.3  # length of the translation, which is perpendicular to the part's axis, as a fraction of the part's length
+SMOOTH = 25.0  # largest fold of a smooth border, in degrees
+LEAST_EDGES = 20  # smallest number of edges in a blend band (where weights are between 0 and 1) that is measured
 LEGEND = {
-    "fold": "median over the handles of a border's fold in degrees: the 99th percentile of the changes of dihedral "
-    f"angles in the blend band, if the part moves by {MOTION:.0%} of its length",
+    "fold": "median over the handles, in degrees; the fold of a border is the 99th percentile of the changes of "
+    f"dihedral angles in the blend band, if the part moves by {MOTION:.0%} of its length",
     "smooth": f"fraction of handles with a fold of at most {SMOOTH:g}°",
 }
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return every number of `LEGEND`, for one handle per joint; NaN if no handle has a part with a blend band."""
+    """Return the numbers that `LEGEND` explains, for a handle of each joint; NaN if no handle has a blend band."""
     session, edges = dfd.Deformer(shape.mesh, field), _edges(shape.mesh)
     found = [_fold(session, edges, int(first)) for first, *_ in shape.handles()]
     folds = np.array([each for each in found if each is not None])
@@ -28,7 +28,7 @@ def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
 
 
 def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
-    """Return the fold at the border of the part at a vertex, in degrees; None if its blend band is too small."""
+    """Return the fold at the border of the part at a vertex, in degrees; None if the blend band is too small."""
     mesh, held = session.mesh, session.add(vertex)
     try:
         parts = session.bound.held_parts(session.edit, session.handle(held))
@@ -47,7 +47,7 @@ def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
 
 
 def _edges(mesh: dfd.Mesh) -> Int64:
-    """Return the two faces (E, 2) of each edge."""
+    """Return the two faces (E, 2) at each edge between two faces."""
     sides = np.sort(face_sides(first_at_place(mesh)[mesh.faces]), axis=1)
     order = np.lexsort(sides.T)
     same = np.flatnonzero((sides[order[1:]] == sides[order[:-1]]).all(axis=1))
@@ -55,7 +55,7 @@ def _edges(mesh: dfd.Mesh) -> Int64:
 
 
 def _angles(vertices: Float64, mesh: dfd.Mesh, edges: Int64) -> Float64:
-    """Return the dihedral angles (E,) at `edges` (E, 2), in degrees; NaN beside a face without area."""
+    """Return the dihedral angles (E,) at `edges` (E, 2), in degrees; NaN if a face has no area."""
     corners = vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1, keepdims=True)

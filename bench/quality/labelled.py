@@ -1,7 +1,7 @@
-"""Compare weights, parts and handles with parts that people labelled.
+"""Compare weights and parts, found for handles, with parts that people labelled.
 
 A folder for each category has files `N.off` and `N_labels.txt`. A file of labels has two lines for each part: its name,
-and its faces, counted from 1. Source: Kalogerakis et al., "Learning 3D Mesh Segmentation and Labeling", 2010.
+and the indices of its faces, from 1. Source: Kalogerakis et al., "Learning 3D Mesh Segmentation and Labeling", 2010.
 """
 
 from collections.abc import Iterator
@@ -17,19 +17,19 @@ from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
-EACH = 4  # handles per label
-FEW_FACES, FACES = 4_000, 20_000  # faces of a sample, in a quick and in a full run
+EACH = 4  # number of handles for each label
+FEW_FACES, FACES = 4_000, 20_000  # number of faces of a sample in a quick and in a full run
 LEGEND = {
-    "precision": "average precision of vertices ranked by weight or distance, for the vertices with the handle's label",
-    "part": "IoU between the labelled part and the part (with its counterparts) that dfd finds at the handle",
-    "grip": "soft IoU Σ min(w, t) / Σ max(w, t) of weights w; t is 1 on the labelled part and 0 elsewhere",
-    "paper's grip": 'the same as grip, for a session with the preset "paper"',
+    "precision": "average precision with which a ranking of vertices by weight or distance finds the handle's label",
+    "part": "IoU between the labelled part and the part, with its counterparts, that dfd finds at the handle",
+    "grip": "soft IoU Σ min(w, t) / Σ max(w, t) of the handle's weights w; t is 1 on the labelled part and 0 elsewhere",
+    "paper's grip": 'the same number as grip, but for a session with the preset "paper"',
 }
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with labelled parts. A vertex has the label with the largest area among its faces."""
+    """A mesh with labelled parts. The label of a vertex is the one with the largest area among its faces."""
 
     category: str = ""  # such as "Ant"
 
@@ -58,7 +58,7 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
 
 
 def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[LabelledShape]:
-    """Yield every labelled mesh of `folder`, or the samples of dfd if it is None.
+    """Yield every labelled mesh of `folder`, or the samples of dfd if `folder` is None.
 
     `quick` reads one mesh of each category, and makes samples with fewer faces.
 
@@ -88,7 +88,7 @@ def _read(path: Path) -> LabelledShape:
 
 
 def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
-    """Return the names of the parts, and the index (F,) of the part of each face."""
+    """Return the names of the parts, and the index (F,) of each face's part."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)
     for number, faces in enumerate(lines[1::2]):

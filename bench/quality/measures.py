@@ -9,26 +9,26 @@ import dfd
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import vertex_areas
 
-Weights = NDArray[np.floating]  # (V, H), a column for each handle
-Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
+Weights = NDArray[np.floating]  # (V, H) weights, with a column for each handle
+Labels = NDArray[np.integer]  # (V,) index of each vertex's part, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertex indices
 
 
 def area_fractions(mesh: dfd.Mesh) -> Float64:
-    """Return the fraction (V,) of the surface area of each vertex: a third of the area of its faces."""
+    """Return each vertex's fraction (V,) of the surface area: a third of the area of the faces at the vertex."""
     areas = vertex_areas(mesh.vertices, mesh.faces)
     return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
-    """Return random vertices (H,): `each` vertices of every part, or all if the part has fewer."""
+    """Return random vertices (H,): `each` vertices of every part, or all vertices of a part that has fewer."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Return the average precision of vertices ranked by `scores` (V,); vertices of equal score share a rank."""
+    """Return the average precision of finding `relevant` (V,), ranked by `scores` (V,); equal scores share a rank."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -39,7 +39,7 @@ def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
 def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
     """Rank vertices by each handle's weights, and return the average precision (H,) for the handle's part.
 
-    The handle itself and vertices without a part are not ranked. A part without other vertices gives NaN.
+    The handle itself and vertices without a part are not ranked. If the part has no other vertex, the result is NaN.
     """
     precision = np.full(len(handles), np.nan)
     for column, handle in enumerate(handles):
@@ -52,13 +52,13 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Return the mean of `values` (H,) over each label of `labels` (H,), then over the labels; NaN is ignored."""
+    """Average `values` (H,) over the handles with each of `labels` (H,), then over labels. NaN is ignored."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
 def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
-    """Return for each of `vertices` (H,) the weights (V,) that it has as the only handle of a session."""
+    """Return, for each of `vertices` (H,), the weights (V,) of a handle there, as the only handle of `session`."""
     found = []
     for vertex in vertices.tolist():
         held = session.add(vertex)
@@ -68,5 +68,5 @@ def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
 
 
 def soft_iou(areas: Float64, weights: NDArray[Any], truth: Bool) -> float:
-    """Return Σ min(w, t) / Σ max(w, t) for `weights` w (V,) and the mask `truth` t; `areas` (V,) weight the sums."""
+    """Return Σ min(w, t) / Σ max(w, t) for weights w (V,) and the mask `truth` t (V,), with terms weighted by area."""
     return float(areas @ np.minimum(weights, truth) / max(areas @ np.maximum(weights, truth), 1e-12))

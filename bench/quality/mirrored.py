@@ -12,13 +12,13 @@ import dfd
 from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
 from dfd.common.linear_algebra import Float64, Int64
 
-EXACT = 0.02  # largest error of an exact mirror image, as a fraction of the part's size
-SYMMETRIC = 0.01  # largest RMS distance at rest from an exact mirror image, as a fraction of the part's size
-ANGLE, PULL = 30.0, 0.2  # angle in degrees, and translation as a fraction of the part's size
+EXACT = 0.02  # largest error of a motion that counts as mirrored, as a fraction of the part's size
+SYMMETRIC = 0.01  # largest RMS distance of the two sides from mirror images at rest, as a fraction of the part's size
+ANGLE, PULL = 30.0, 0.2  # angle of the motions in degrees, and translation as a fraction of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
     "apart": "fraction of the pairs of joints for which a handle on the left side moves several separate components",
-    "bend": f"fraction of these whose right side mirrors a bend by {ANGLE:g}° with an error of at most {EXACT:.0%}",
+    "bend": f"fraction of these pairs that mirror a bend by {ANGLE:g}° with an error of at most {EXACT:.0%}",
     "twist": f"the same for a twist by {ANGLE:g}°",
     "turn": f"the same for a rotation by {ANGLE:g}°",
     "pull": f"the same for a translation by {PULL:.0%} of the part's size",
@@ -27,16 +27,16 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the joint listed first."""
+    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the first one in the file."""
 
-    vertex: int  # position of the handle: the vertex of the left joint nearest to the joint's center
+    vertex: int  # vertex of the handle: the one nearest to the center of the left joint's vertices
     left: Int64  # (N,) vertex indices
     right: Int64  # (N,) indices of the vertices nearest to the mirror images of `left`
     axis: int  # index of the coordinate that the mirror image negates
     size: float  # diagonal of the left side's bounding box, mesh units
 
     def error(self, moved: Float64) -> float:
-        """Return the RMS difference between right and mirrored left displacements (V, 3), divided by `size`."""
+        """Return the RMS difference of right and mirrored left displacements in `moved` (V, 3), divided by `size`."""
         mirrored = moved[self.left]
         mirrored[:, self.axis] *= -1.0
         apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)
@@ -44,12 +44,12 @@ class Pair:
 
 
 def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]:
-    """Yield the rigs of the GLB files in a folder that have pairs of joints; `quick` reads two files."""
+    """Yield those rigs of a folder's GLB files that have pairs of joints; `quick` reads only two files."""
     return (shape for shape in rigged_shapes(folder, quick=quick) if pairs_of(shape))
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return the numbers that `LEGEND` explains. If the first is 0, all others are NaN."""
+    """Return the numbers that `LEGEND` explains. If the first number is 0, all others are NaN."""
     session = dfd.Deformer(shape.mesh, field)
     found = [_errors(session, pair) for pair in pairs_of(shape)]
     exact = [np.array(errors) <= EXACT for errors in found if errors]
@@ -67,7 +67,7 @@ def _errors(session: dfd.Deformer, pair: Pair) -> list[float]:
                 session.move(held, **given)
                 found.append(pair.error(session.vertices - session.mesh.vertices))
                 session.undo()
-            except ValueError:  # The part of the handle has no axis for a bend or twist.
+            except ValueError:  # The handle's part has no axis for a bend or twist.
                 found.append(np.inf)
     session.remove(held)
     return found

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-# Parts that every character has, with patterns for the names of their joints. The first match counts.
+# Parts that every character has, each with a pattern for the names of its joints in lower case. The first match counts.
 MERGED = (
     ("head", r"head|neck|jaw|eye"),
     ("hand", r"hand|wrist|finger|thumb"),
@@ -12,7 +12,7 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# Kinds of parts of animals and people, with patterns for the names of joints in lower case. The first match counts.
+# Kinds of parts of animals and people, each with a pattern for the names of its joints. The first match counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
@@ -28,7 +28,7 @@ KINDS = (
     ("neck", r"neck"),
     ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face|^main1"),
 )
-# Families of shapes, with words in the names of their files. The first match counts.
+# Families of shapes, each with words that are in the names of its files. The first match counts.
 FAMILIES = (
     ("seats", "chair couch bench bed stool"),
     ("fish", "fish shark whale"),
@@ -54,10 +54,10 @@ FAMILIES = (
 
 
 def kind_of_part(joint: str, patterns: Sequence[tuple[str, str]] = KINDS) -> str | None:
-    """Return the part that the first matching pattern gives to a joint's name; None if no pattern matches."""
+    """Return the part of the first pattern that matches a joint's name in lower case; None if no pattern matches."""
     return next((part for part, pattern in patterns if re.search(pattern, joint.lower())), None)
 
 
 def family_of(name: str) -> str:
-    """Return the family in `FAMILIES` of a file's stem or a sample's name, or the name itself if there is none."""
+    """Return the family in `FAMILIES` of a sample's name or a file's name without ending; if none, return the name."""
     return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)

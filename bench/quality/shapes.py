@@ -15,16 +15,16 @@ from dfd.mesh.file.gltf.header import objects
 
 FEWEST = 20  # smallest number of vertices of a part; smaller parts get no label
 SAMPLES = {make.__name__: make for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot)}
-UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # errors that a broken skin raises
+UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # errors that files with a broken skin raise
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh, with the part of each vertex if parts are known."""
+    """A mesh, with the part of each vertex if the parts are known."""
 
     name: str
     mesh: dfd.Mesh
-    labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 for vertices of no part
+    labels: NDArray[np.integer] | None = None  # (V,) index of each vertex's part in `parts`, −1 for none
     parts: tuple[str, ...] = ()
 
 
@@ -35,7 +35,7 @@ def made(faces: int) -> list[Shape]:
 
 
 def characters(folder: Path) -> Iterator[Shape]:
-    """Yield the shape in every skinned GLB in `folder` with the parts of `MERGED`: whole, and without accessories."""
+    """Yield the shape of each skinned GLB in `folder`, whole and without accessories, with the parts of `MERGED`."""
     for name, whole, names, joints in _skinned(folder):
         if (joints < 0).all():
             continue
@@ -47,7 +47,7 @@ def characters(folder: Path) -> Iterator[Shape]:
 
 
 def rigs(folder: Path) -> Iterator[Shape]:
-    """Yield every skinned GLB in `folder` with the parts of `KINDS`.
+    """Yield the shape of every skinned GLB in `folder`, with the parts of `KINDS`.
 
     If a file has fewer than two kinds of parts, print its name and skip it.
     """
@@ -75,7 +75,7 @@ def _skinned(folder: Path) -> Iterator[tuple[str, dfd.Mesh, tuple[str, ...], Int
 
 
 def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
-    """Return the distinct names (J,) of a glTF file's joints, and the joint (V,) with the largest weight at a vertex.
+    """Return the distinct names (J,) of a glTF file's joints, and the index (V,) of each vertex's strongest joint.
 
     Vertices without a skin have the joint −1. Raises ValueError if the joints or weights of a skin cannot be read.
     """
@@ -105,7 +105,7 @@ def strongest_joints(mesh: dfd.Mesh) -> tuple[tuple[str, ...], Int64]:
 def label_vertices(
     names: tuple[str, ...], of_vertex: Int64, patterns: Sequence[tuple[str, str]], fewest: int = 1
 ) -> tuple[Int64, tuple[str, ...]]:
-    """Return the index (V,) of each vertex's part by `patterns`, and the parts that have at least `fewest` vertices.
+    """Return the index (V,) of each vertex's part, and the parts of `patterns` that have at least `fewest` vertices.
 
     `names` (J,) and `of_vertex` (V,) are the results of `strongest_joints`. Vertices of no part, such as those of a
     sword or a cape, have −1.
@@ -116,7 +116,7 @@ def label_vertices(
 
 
 def submesh(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
-    """Return the mesh of all faces within the mask `vertices` (V,), and the old index (W,) of each of its vertices.
+    """Return the mesh of the faces with all corners in the mask `vertices` (V,), and its vertices' old indices (W,).
 
     Raises ValueError if no face is left.
     """

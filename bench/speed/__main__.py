@@ -1,6 +1,6 @@
 """`python -m bench.speed`: compare the times of bind and pose with the machine's limits and with other libraries.
 
-Compared calls run alternately. The ratio is the best time of a call divided by the best time of the other call.
+Compared calls run in turn. The ratio is the best time of a call divided by the best time of the other call.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from .made_input import VERTICES, Call, MadeInput, make_input
 from .measure import Timing, copying, product, reading, together
 
 COLUMNS = ("call", "best ms", "median ms", "spread ms", "other call", "its best ms", "ratio", "largest allowed", "met")
-TORCH_VERTICES = 200_000  # largest number for torch, which needs much memory
+TORCH_VERTICES = 200_000  # largest number of vertices for torch, which needs much memory
 
 Row = list[Any]
 
@@ -100,7 +100,7 @@ def _posing(made: MadeInput) -> Iterator[Row]:
 
 
 def _row(timings: Mapping[str, Timing], call: str, other_call: str, most: float | None = None) -> Row:
-    """Return the row that compares two calls; the ratio of their times should be at most `most`."""
+    """Return the table row that compares two calls. The ratio of their times should be at most `most`."""
     own, other = timings[call], timings[other_call]
     ratio = own.best / other.best
     milliseconds = [1e3 * each for each in (own.best, own.median, own.spread)]

@@ -28,7 +28,7 @@ class Bind:
 
 
 class Full:
-    """Bind 1 and 10 handles to full float32 features, of a tenth of the vertices."""
+    """Bind 1 and 10 handles to the full float32 features of a tenth of the vertices."""
 
     params = (1, 10)
     param_names = ("handles",)
@@ -55,5 +55,5 @@ class Compact:
         self.features = made.features(vertices)
 
     def time_compact(self, made: MadeInput, vertices: int) -> None:
-        """Choose dimensions, project and round once."""
+        """Make the compact features once."""
         dfd.compact(self.features)

@@ -34,7 +34,7 @@ class Distill:
 
 
 class Render:
-    """Render the pictures of a distillation: the default number, at the default resolution."""
+    """Render the pictures of a distillation, in the default number and resolution."""
 
     params = (20_000, 200_000)
     param_names = ("faces",)
@@ -44,5 +44,5 @@ class Render:
         self.mesh = torus(faces)
 
     def time_render(self, faces: int) -> None:
-        """Render the pictures, and the surface points of their pixels."""
+        """Render the pictures, and compute the surface points of their pixels."""
         render(self.mesh, views=24, resolution=518)

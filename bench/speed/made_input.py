@@ -1,4 +1,4 @@
-"""Make input of any size, with features of low rank, similar to a field's, and make the calls that benchmarks time."""
+"""Make input of any size, with features similar to those of a field, and make the calls that benchmarks time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ import dfd
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field.architecture import Architecture
 
-WIDTH = 384  # number of dimensions of a feature, as in a small vision transformer
-VERTICES = 500_000
+WIDTH = 384  # number of dimensions of a feature, as of a small vision transformer
+VERTICES = 500_000  # default number of vertices
 MOTIONS = ("pose", "mirrored pose", "drag")
 
 Call = Callable[[], object]
@@ -24,11 +24,11 @@ class MadeInput:
     """A shape with features and transforms. It has no faces because bind and pose do not need them."""
 
     vertices: Float32  # (V, 3)
-    compact: dfd.CompactFeatures
+    compact: dfd.CompactFeatures  # features of the vertices
     transforms: Float64  # (100, 3, 4)
 
     def features(self, count: int | None = None) -> Float32:
-        """Return the features of the first `count` vertices, or of all: unit rows (count, 384)."""
+        """Return the features (count, 384), of unit length, of the first `count` vertices, or of all vertices."""
         return field(self.vertices[:count])
 
     def handles(self, count: int) -> Int64:
@@ -48,7 +48,7 @@ class MadeInput:
         return partial(bind, fixed=[1, 2, 3], geodesic=distances, locality=2.0)
 
     def pose(self, motion: str, count: int, dtype: str = "float32") -> Call:
-        """Return a call that poses with `count` handles. `motion` is one of `MOTIONS`; a drag moves only one handle."""
+        """Return a call that poses with `count` handles by a motion of `MOTIONS`; a drag moves only one handle."""
         handles, transforms = self.handles(count), self.transforms[:count]
         vertices, weights = self.vertices.astype(dtype), dfd.bind(self.compact, handles) / count
         out = np.empty_like(vertices)
@@ -62,7 +62,7 @@ class MadeInput:
 
 
 def field(points: NDArray[np.floating]) -> Float32:
-    """Return features at `points`: unit rows (N, 384), smooth functions of position, similar to distilled features."""
+    """Return features (N, 384), of unit length, at `points` (N, 3). They vary smoothly, as distilled features do."""
     random = np.random.default_rng(0)
     rank = 64
     frequencies = random.standard_normal((3, rank)) * np.linspace(0.3, 2.5, rank)

@@ -1,6 +1,6 @@
 """`python -m bench.speed.session`: time the steps of a session for which a user waits, by the size of the mesh.
 
-The mesh is a quadruped, subdivided to each size. Each size runs in a separate process, to measure its peak memory.
+The mesh is a quadruped, subdivided to each size. A separate process for each size measures its peak memory.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import dfd
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
 STEPS = ("features", "first handle", "first frame", "later frame", "second handle", "second handle's frame", "memory")
 SIZES = (10_000, 100_000, 1_000_000)
-LATER = 20  # frames after the first; the step "later frame" is their median
+LATER = 20  # number of frames after the first; "later frame" is the median of their times
 
 Row = dict[str, float]
 
@@ -38,7 +38,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 
 
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
-    """Return the seconds of each of `STEPS` in one session; for "memory", the peak memory in GB without the mesh."""
+    """Return the seconds of each of `STEPS` in a session; "memory" is the peak memory in GB, minus that of the mesh."""
     mesh = shape(vertex_count)
     before = _resident()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)
@@ -69,7 +69,7 @@ def _timed(call: Callable[[], object]) -> float:
 
 def _resident(key: str = "VmRSS") -> float:
     """Return the memory of this process in GB, now or at its peak ("VmHWM"); NaN on systems other than Linux."""
-    status = Path("/proc/self/status")  # `resource` would count the parent's peak, too
+    status = Path("/proc/self/status")  # the module `resource` would include the peak of the parent process
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith(key)), float("nan"))
 

@@ -40,8 +40,8 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
             moved = session.following[:, 0] >= MOVED
             meant = [(soft_iou(shape.areas, moved, inside), joints) for joints, inside in shape.meant(int(handles[0]))]
             overlap, joints = max(meant, default=(0.0, []))
-            for number in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
-                other, target = others[number]
+            for index in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
+                other, target = others[index]
                 if set(joints) <= set(other.joints):
                     target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)

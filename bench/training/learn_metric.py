@@ -1,8 +1,8 @@
 """`python -m bench.training.learn_metric`: learn a metric, a map of features that separates parts, and test it.
 
-The training shapes are the rigs and skinned characters in the folder DFD_MESHES, +y up, and the samples of dfd.
-`--lessons` adds a folder with rigs and people. The features of each shape are cached in a file. Training on the same
-features writes identical files. docs/learned.md lists the sources of the metric in the package.
+The training shapes are the samples of dfd, and the rigs and skinned characters in the folder that DFD_MESHES names;
+their up is +y. `--lessons` adds a folder with rigs and people. The features of each shape are cached in a file.
+Training on the same features writes identical files. docs/learned.md lists the training shapes of the packaged metric.
 """
 
 from collections import Counter
@@ -28,22 +28,22 @@ from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
-DIRECTIONS = 51  # number of discriminants; with the 13 kinds of parts, a mapped feature has 64 dimensions
-RIDGE = 1.0  # regularization, as a multiple of the mean variance within parts
-POWER = 0.125  # The length of a direction is its ratio of variances raised to this power.
+DIRECTIONS = 51  # number of discriminant directions; with the 13 kinds of parts, a mapped feature has 64 dimensions
+RIDGE = 1.0  # ridge that is added to the covariance within parts, as a multiple of its mean variance
+POWER = 0.125  # The length of a direction is its ratio (variance between parts / within parts) to this power.
 FACES = 20_000  # number of faces of each sample
-EACH, SEEDS = 8, 3  # handles that are drawn from every part, and number of draws
+EACH, SEEDS = 8, 3  # number of handles that are drawn from every part, and number of draws, to measure precision
 
 # Settings of the network that classifies features by kind of part.
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
 SAME = {"body": "torso", "hoof": "foot"}  # names of parts that count as another kind
 HIDDEN = 256
-POINTS = 80  # largest number of vertices of a part that are used
+POINTS = 80  # largest number of vertices that are used of each part
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
 LABEL_SMOOTHING = 0.05  # makes the network less certain of unknown shapes
 FAMILY_POWER = 0.5  # The weight of a family is its number of shapes raised to this power.
-SCALE = 20.0  # factor on features, about √384, so that the inputs are near 1
+SCALE = 20.0  # factor on features, about √384, so that the magnitudes of the inputs are about 1
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[Lesson]:
-    """Yield the lesson, the training data, of every shape."""
+    """Yield the training data (the lesson) of every shape."""
     found = [*shapes.rigs(folder / "rigs"), *shapes.rigs(folder / "upright"), *shapes.characters(folder)]
     for under in ("rigs", "people") if more else ():
         found += shapes.rigs(more / under)
@@ -69,7 +69,7 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     """Return the directions with the largest ratio of the variance between parts to the variance within parts.
 
-    They are matrices that map features, (D, d), and thickness bands, (BANDS, d). Families have equal weight. Each
+    The result is two matrices: for features (D, d) and for thickness bands (BANDS, d). Families have equal weight. Each
     direction is scaled to unit variance within parts, then multiplied by a power of its ratio of variances.
 
     Source: Fisher, "The use of multiple measurements in taxonomic problems", 1936; ridge: Friedman, "Regularized
@@ -90,7 +90,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
 def learn_kinds(taught: Sequence[Lesson]) -> Kinds:
     """Return a network that classifies features by kind of part, learned from all shapes with at least two of `KINDS`.
 
-    A family has the weight √(number of its shapes). Its shapes have equal weight, and so have the parts of a shape.
+    A family of N shapes has the weight √N. Shapes of a family have equal weight, and so have the parts of a shape.
     """
     generator = np.random.default_rng(0)
     rows, kinds, chances = [], [], []
@@ -127,7 +127,7 @@ def _fitted(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.
 
 
 def precision(lesson: Lesson, features: Float32) -> float:
-    """Return the mean average precision of weights by `features` (V, D) on a lesson's shape, over `SEEDS` draws."""
+    """Return the mean average precision with which weights by `features` (V, D) find parts, over `SEEDS` draws."""
     labels, found = lesson.shape.labels, []
     for seed in range(SEEDS):
         handles = draw_handles(labels, EACH, seed)
@@ -137,7 +137,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return a report: the precision on each shape with features alone, and with a metric of other families."""
+    """Return a report: precision on each shape by features alone, and by a metric learned without its family."""
     rows: list[list[Any]] = []
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):

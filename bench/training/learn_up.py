@@ -1,7 +1,7 @@
-"""`python -m bench.training.learn_up`: learn a probe that finds the up direction, and test it.
+"""`python -m bench.training.learn_up`: learn an up probe (`dfd.upright.probe`), and test it.
 
-The training shapes are those under CC0 in the folder DFD_MESHES, the samples of dfd, and a folder given with
-`--lessons`. Their up is +y. Training on the same folders writes identical files. docs/learned.md lists the sources.
+The training shapes are the CC0 models in the folder that DFD_MESHES names, the samples of dfd, and the models in the
+folder `--lessons`. Their up is +y. Training on equal files writes equal files. docs/learned.md lists the models.
 """
 
 import hashlib
@@ -30,11 +30,11 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, VIEWS_CACHE = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or the second likeliest if in doubt
-KEPT_OWN = 0.97  # smallest fraction of shapes from DFD_MESHES and samples whose upright axis is the likeliest
+KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or if unsure (see `CLEAR`), the second
+KEPT_OWN = 0.97  # smallest fraction of the samples and shapes from DFD_MESHES whose upright axis is the likeliest
 KEPT_UP = 0.985  # smallest fraction of shapes that are not found upside down
-Z_SHARE = 0.35  # prior log-odds of the file's ±z divided by those of its +y; many files have z up
-PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # tried log-odds: of +y, and those of +y minus of −y
+Z_SHARE = 0.35  # prior log-odds of ±z in a file, divided by those of +y; many files have z up
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # priors of +y to try, and differences to −y
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def lessons_of(folder: Path, more: Path | None, encoder: Encoder) -> Iterator[UpLesson]:
-    """Yield the lesson, the training data, of every shape."""
+    """Yield the training data (the lesson) of every shape."""
     for path in upright_files(folder, more):
         known = LESSONS if more and path.is_relative_to(more) else ""
         yield lesson(f"{known}{path.parent.name}/{path.stem}", dfd.load(path), encoder)
@@ -82,14 +82,14 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
 
 
 def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons. Odds and priors are fitted to votes that were learned without the shape."""
+    """Return the probe of all lessons. Odds and priors are fitted to each shape's votes, learned without it."""
     votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
     up, down = least_priors(lessons)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))
 
 
 def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
-    """Add the prior log-odds of the file's +y (frame `up`), its −y, and its ±z (the next axis) to `odds` (…, 6)."""
+    """Add prior log-odds to `odds` (…, 6): of a file's +y, which is frame `up`, its −y, and its ±z, the next axis."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
     added[[up, up ^ 1]] = priors
@@ -103,10 +103,10 @@ def of_axes(odds: Float64) -> Float64:
 
 
 def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, int]:
-    """Return the likeliest axis, and its likelier frame, for a file whose +y is frame `up`.
+    """Return the index of the likeliest axis, and of its likelier frame, for a file whose +y is frame `up`.
 
-    `odds` (7, 6) come from `left_out_odds`. As in `dfd.upright.find_up`, the pictures around the file's +y decide alone
-    if they are certain.
+    `odds` (7, 6) come from `left_out_odds`. As in `dfd.upright.find_up`, if the pictures around the file's +y make an
+    axis certain, no others are used.
     """
     axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
@@ -116,9 +116,9 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
 
 
 def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
-    """Return the prior log-odds of the file's +y and −y: the smallest for +y with which enough shapes stay upright.
+    """Return the prior log-odds of a file's +y and −y: the smallest for +y with which enough shapes stay upright.
 
-    `KEPT`, `KEPT_OWN` and `KEPT_UP` define what is enough. For −y, the log-odds are the largest that are enough.
+    `KEPT`, `KEPT_OWN` and `KEPT_UP` define enough. The log-odds of −y are the largest with which enough stay upright.
     """
     odds = left_out_odds(lessons, "name")
     rows = np.stack([each[-1] for each in odds.values()])
@@ -136,22 +136,22 @@ def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
 
 
 def report(lessons: tuple[UpLesson, ...]) -> str:
-    """Return a report: how often probes of other lessons find the upright axis, and in brackets the up direction."""
+    """Return a report: how often probes learned from other shapes find the upright axis, and the up direction."""
     priors = least_priors(lessons)
     own = [each for each in lessons if not each.name.startswith(LESSONS)]
     blocks = [
         "# Which way is up",
-        f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; these are tested. Log-odds of the "
-        f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
+        f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; these are tested. Prior log-odds "
+        f"of +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}.",
     ]
     for left_out, group in (("its family", "family"), ("itself", "name")):
         odds, rows = left_out_odds(lessons, group), []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
-            # In a file with z up, +y is frame 0 or 1, and the next axis, its z, is the shape's upright axis.
+            # If the +y of a file is frame 0 or 1 of the shape, the file's z is the upright axis.
             rows.append([family, len(some), *(_found(some, ups, priors) for ups in ([TRUE], [0, 1], range(6)))])
         columns = ("family", "shapes", "kept upright", "found z up", "found, 6 directions")
-        blocks += [f"The probe for each shape is learned without {left_out}:", to_markdown(columns, rows)]
+        blocks += [f"Fraction of correct axes (directions) if learned without {left_out}:", to_markdown(columns, rows)]
     return "\n\n".join(blocks) + "\n"
 
 

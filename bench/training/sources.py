@@ -1,4 +1,4 @@
-"""Find the models to learn from, all under CC0, and run the commands that learn. docs/learned.md lists the models."""
+"""Find training models, all under CC0, and run the commands that learn. docs/learned.md lists the models."""
 
 import argparse
 import os
@@ -19,8 +19,8 @@ from dfd.encoders.known import DEFAULT_ENCODER
 RESULTS = Path(__file__).resolve().parents[1] / "results" / "quality"
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # models under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-LARGEST_FAMILY = 12  # largest number of models of a family, so that large packs do not dominate
-# Words in the names of models that have no up direction, hang on walls, or lie in any direction.
+LARGEST_FAMILY = 12  # largest number of models of a family from `--lessons`, so that large packs do not dominate
+# Models with these words in their names are skipped: they have no up, hang on walls, or lie in any direction.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
     *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
@@ -39,13 +39,13 @@ def run(
     learn: Callable[[tuple[Any, ...], Encoder], Any],
     report: Callable[[tuple[Any, ...]], str],
 ) -> None:
-    """Run a command: learn from lessons, write the result, by default to `folder`, and write a report.
+    """Run a command: learn from lessons, write the result (by default to `folder`), and write a report.
 
     A lesson is the data of one shape. `lessons_of` takes the folders DFD_MESHES and `--lessons`, and the encoder.
     """
     parser = argparse.ArgumentParser(f"python -m {module}", description=description)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
-    parser.add_argument("--output", type=Path, help="file to write; by default the file that dfd loads")
+    parser.add_argument("--output", type=Path, help="file to write; by default, the file that dfd loads")
     parser.add_argument("--lessons", type=Path, help="folder of more CC0 models, +y up: people, rigs and upright")
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
@@ -69,7 +69,7 @@ def cached_arrays(path: Path, make: Callable[[], Mapping[str, NDArray[Any]]]) ->
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Yield the files from which up is learned: all of `meshes`, and the first few of each family of `lessons`."""
+    """Yield the files from which up is learned: all of `meshes`, and up to 12 of each family in `lessons`."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
     taken: Counter[str] = Counter()

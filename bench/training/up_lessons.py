@@ -1,4 +1,7 @@
-"""Learn a probe of the up direction: votes of pictures by ridge regression, and their odds by logistic regression."""
+"""Learn an `UpProbe`: its votes by ridge regression, and its odds by logistic regression.
+
+Odds weight nine terms: two votes, linear in the tokens (feature vectors) of pictures, and seven cues of the surface.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -16,32 +19,32 @@ from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS,
 from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import StabilityCues
 
-FRAMES = np.stack(axis_frames(np.eye(3)))  # (6, 3, 3), one for each signed coordinate axis as up
+FRAMES = np.stack(axis_frames(np.eye(3)))  # (6, 3, 3) right, up and front, for each signed coordinate axis as up
 UPS = FRAMES[:, 1]
 TRUE = 2  # index of +y, the true up, in `UPS`
 LESSONS = "lessons/"  # prefix of the names of shapes from the folder `--lessons`
-RIDGE = 1.0  # regularization of the votes, relative to the mean square of their terms
-SHRINK = 3.0  # regularization of the odds, for terms of unit spread
-FOLDS = 16
-NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a right candidate and the up of a tilted shape
-TILTED = 0.5  # weight of pictures along random axes; those along the axes of the shape have weight 1
+RIDGE = 1.0  # ridge penalty for each of the J blocks of terms, which are scaled to equal mean square
+SHRINK = 3.0  # penalty on the squared odds, for terms that are scaled to standard deviation 1
+FOLDS = 16  # number of folds in `left_out_odds`
+NEAR = np.cos(np.radians(20))  # cosine of the largest angle between a correct candidate and the true up direction
+TILTED = 0.5  # weight of a randomly rotated shape in the ridge regression; the upright shape has weight 1
 
-Choice = tuple[Float64, Bool]  # the terms (K, 9) of K candidates for up, and whether each is right (K,)
-# Choices for one shape: from the pictures around each of `FRAMES`, from all pictures, and for the tilted shape.
+Choice = tuple[Float64, Bool]  # the terms (K, 9) of K candidates for up, and a mask (K,) of the correct ones
+# Choices for one shape: for the pictures of each of `FRAMES` alone, for all pictures, and for the tilted shape.
 Choices = tuple[list[Choice], list[Choice], list[Choice]]
 
 
 @dataclass(frozen=True, eq=False)
 class UpLesson:
-    """The data of one training shape with up +y: the tokens of its pictures, and the cues of its surface."""
+    """The data of one training shape with up +y, and of a tilted (randomly rotated) copy: picture tokens and cues."""
 
     name: str
-    sides: tuple[ViewTokens, ...]  # of the pictures by the cameras SIDES, around each of `FRAMES`
-    corners: ViewTokens  # of the pictures by the cameras CORNERS, around all of `FRAMES`
-    evidence: Float64  # (6, 7) values of the surface's cues for each of `FRAMES`
-    rotation: Float64  # (3, 3) from the upright shape to the tilted one
-    tilted: ViewTokens  # of the pictures of the tilted shape, around the axes of its file
-    tilted_cues: StabilityCues
+    sides: tuple[ViewTokens, ...]  # tokens of the pictures from the directions `SIDES`, for each of `FRAMES`
+    corners: ViewTokens  # tokens of the pictures from the directions `CORNERS`, for all of `FRAMES`
+    evidence: Float64  # (6, 7) cues of the surface for each of `FRAMES`, see `StabilityCues.evidence`
+    rotation: Float64  # (3, 3) rotates the upright shape to the tilted one
+    tilted: ViewTokens  # tokens of pictures of the tilted shape from `SIDES`, for each of `FRAMES`
+    tilted_cues: StabilityCues  # cues of the tilted surface
 
     @property
     def family(self) -> str:
@@ -50,7 +53,7 @@ class UpLesson:
 
     @property
     def all_seen(self) -> ViewTokens:
-        """Return the tokens of all pictures along the axes of the upright shape."""
+        """Return the tokens of all pictures of the upright shape."""
         return sum(self.sides, self.corners)
 
     @property
@@ -59,17 +62,17 @@ class UpLesson:
         return UPS @ self.rotation.T
 
 
-Group = Literal["family", "name"]  # the lessons that are left out to test a shape: its family, or only itself
+Group = Literal["family", "name"]  # to test a shape, either the lessons of its family or only its own is left out
 
 
 class Ridge:
-    """Learn a linear vote by ridge regression, from all lessons or without some of them.
+    """Learn one vote by ridge regression, from all lessons or without some of them.
 
-    The J blocks of terms have equal weight, independent of the spread of their tokens.
+    A vote has J coefficients, each linear in D token values. So its terms form J blocks. All have equal scale.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
-        """Store the terms (L, 12, J D) for six ups of L upright and tilted shapes; `right` (6,) marks the true up."""
+        """Store the terms (L, 12, J D) at six ups of L upright and tilted shapes; `right` (6,) marks correct ups."""
         weights = np.repeat([1.0, TILTED], len(FRAMES))
         mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
         block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
@@ -84,14 +87,14 @@ class Ridge:
         return rows.T @ rows, rows.T @ np.tile(self._targets, len(lessons))
 
     def without(self, lessons: Sequence[int]) -> Float64:
-        """Return the weights (J, D) of the vote that is learned without the given indices of lessons."""
+        """Return the map (J, D) from tokens to coefficients, learned without the lessons with the indices `lessons`."""
         moment, products = self._moments(lessons)
         weights = np.linalg.solve(self._moment - moment, self._products - products) / self._scales
         return weights.reshape(self._blocks, -1).astype(np.float32)
 
 
 class Votes:
-    """Learn probes without odds: a quadratic form votes for the upright axis, and a vector for its upper end."""
+    """Learn the two votes of a probe: a quadratic form for the upright axis, and a vector for its upper end."""
 
     def __init__(self, lessons: Sequence[UpLesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
@@ -103,7 +106,7 @@ class Votes:
         self._vector = Ridge(np.stack(vectors), frames == TRUE, len(VECTORS))
 
     def _terms(self, lesson: UpLesson) -> tuple[Float64, Float64]:
-        """Return the terms (12, J D) of the form and of the vector, minus their means over the six candidates."""
+        """Return the terms (12, J D) of the form and of the vector, minus their means over six ups."""
         forms, vectors = [], []
         for seen, ups in ((lesson.all_seen, UPS), (lesson.tilted, lesson.tilted_ups)):
             tokens = seen.tokens - np.stack([self._mean, np.zeros_like(self._mean)])
@@ -116,8 +119,8 @@ class Votes:
         return form.reshape(2 * len(UPS), -1), vector.reshape(2 * len(UPS), -1)
 
     def without(self, names: Collection[str] = ()) -> UpProbe:
-        """Return the probe that is learned without the lessons of `names`."""
-        left_out = [number for number, name in enumerate(self._names) if name in names]
+        """Return the probe with votes learned without the lessons of `names`. Its odds are 0."""
+        left_out = [index for index, name in enumerate(self._names) if name in names]
         form, vector = self._form.without(left_out), self._vector.without(left_out)
         return UpProbe(self._mean, form, vector, np.zeros((3, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
 
@@ -126,17 +129,17 @@ learned_votes = cache(Votes)
 
 
 def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
-    """Return the choices for a lesson's shape, with terms from a probe and from the cues of the surface."""
+    """Return the choices for a lesson's shape, with terms from the votes of `probe` and the cues of the surface."""
     upright = np.arange(len(FRAMES)) == TRUE
     tilted = []
     cues = lesson.tilted_cues
-    if not np.array_equal(cues.frame(), np.eye(3)):  # else the shape is not tilted
+    if not np.array_equal(cues.frame(), np.eye(3)):  # else the cues find the axes of the file
         frames = candidates(cues, cues.frame(), probe.votes(lesson.tilted)[0])
         evidence = np.stack([cues.evidence(frame) for frame in frames])
         terms = probe.terms(lesson.tilted, frames[:, 1], evidence)
         tilted.append((terms, frames[:, 1] @ lesson.tilted_ups[TRUE] > NEAR))
-    at_once = [(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.sides]
-    return at_once, [(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright)], tilted
+    alone = [(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.sides]
+    return alone, [(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright)], tilted
 
 
 @cache
@@ -152,10 +155,10 @@ def left_out_choices(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, C
 
 
 def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -> Float64:
-    """Return the odds (3, 9) of an `UpProbe`, learned without the lessons that `without` names.
+    """Return `UpProbe.odds` (3, 9), learned without the lessons that `without` names.
 
-    Each shape counts twice: with votes learned without its family, and with votes learned without itself only. A new
-    shape may or may not belong to a known family.
+    Each shape is used twice: with votes learned without its family, and with votes learned without this shape alone. So
+    the odds fit new shapes of unknown and of known families.
     """
     some = [
         left_out_choices(lessons, group)[each.name]
@@ -167,9 +170,9 @@ def learned_odds(lessons: tuple[UpLesson, ...], without: Collection[str] = ()) -
 
 
 def fit_odds(choices: Sequence[Choice]) -> Float64:
-    """Return the log-odds (T,) per unit of each term, by conditional logistic regression on the right candidates.
+    """Return the odds (9,), log-odds per unit of each term, by conditional logistic regression.
 
-    Choices without a right candidate are ignored. If no choice remains, the odds are 0.
+    Choices without a correct candidate are ignored. If no choice remains, the odds are 0.
     """
     taught = [(terms, right) for terms, right in choices if right.any()]
     if not taught:
@@ -192,17 +195,17 @@ def fit_odds(choices: Sequence[Choice]) -> Float64:
 
 @cache
 def left_out_odds(lessons: tuple[UpLesson, ...], group: Group) -> dict[str, Float64]:
-    """Return, by name, log-odds (7, 6) of every shape's six candidates for up.
+    """Return, by name, log-odds (7, 6) of every shape's six candidates for up, from votes learned without its group.
 
-    Six rows use the pictures around one of `FRAMES`, and the last row uses all pictures. Votes are learned without the
-    shape's group. Odds are learned without a fold of several groups, among them the shape's group, to save time.
+    Row i of the first six uses only the pictures of `FRAMES[i]`. The last row uses all pictures. To save time, odds are
+    learned without a whole fold of groups, one of which is the shape's.
     """
     found: dict[str, Float64] = {}
     groups = list(dict.fromkeys(getattr(each, group) for each in lessons))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
         names = [each.name for each in lessons if getattr(each, group) in fold]
-        odds_at_once, odds_along, _ = learned_odds(lessons, names)
+        odds_alone, odds_together, _ = learned_odds(lessons, names)
         for name in names:
-            at_once, along, _ = left_out_choices(lessons, group)[name]
-            found[name] = np.stack([*(terms @ odds_at_once for terms, _ in at_once), along[0][0] @ odds_along])
+            alone, together, _ = left_out_choices(lessons, group)[name]
+            found[name] = np.stack([*(terms @ odds_alone for terms, _ in alone), together[0][0] @ odds_together])
     return found

@@ -24,14 +24,14 @@ from dfd.encoders.encode import Encoder
 from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
-NEAREST = 3  # number of surface points from which a vertex is interpolated
+NEAREST = 3  # number of surface points from which the feature of a vertex is interpolated
 THICKNESS = 0.25  # factor on the bands of thickness, which are appended to features of unit length
 FEWEST = 5  # smallest number of vertices of a part; smaller parts are ignored
 
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """The data of a labelled training shape: the targets of its distillation, interpolated at its vertices."""
+    """A labelled training shape with the data of its vertices, interpolated from the targets of its distillation."""
 
     shape: Shape
     features: Float32  # (V, D) unit rows
@@ -55,7 +55,7 @@ class Lesson:
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """Return the covariances (D + BANDS, D + BANDS) within and between parts, divided by the trace of their sum."""
+        """Return the covariance matrices within and between parts, of D + BANDS rows, divided by their summed trace."""
         every = np.concatenate([self.features, np.float32(THICKNESS) * self.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
@@ -66,7 +66,7 @@ class Lesson:
 
 
 def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
-    """Return the lesson of a shape; `vertex_features` are cached in a file in `folder`."""
+    """Return the lesson of a shape. The results of `vertex_features` are cached in a file in `folder`."""
 
     def made() -> dict[str, NDArray[Any]]:
         features, thickness = vertex_features(shape.mesh, encoder)
@@ -77,7 +77,7 @@ def cached_lesson(folder: Path, shape: Shape, encoder: Encoder) -> Lesson:
 
 
 def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> tuple[Float32, Float32]:
-    """Return the features and thickness of a `Lesson`. The mesh has +y up; `changes` are settings of `dfd.distill`."""
+    """Return `features` and `thickness` of a `Lesson`; +y is up, and `changes` are settings of `dfd.distill`."""
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
     views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)

@@ -1,6 +1,6 @@
 """Peers: the deformation methods that DFD is compared with.
 
-ARAP and bounded biharmonic weights (BBW) come from libigl. The others are implemented here from their papers.
+ARAP and bounded biharmonic weights (BBW) come from libigl. The other methods are implemented here from their papers.
 """
 
 from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points

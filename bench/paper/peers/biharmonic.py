@@ -1,7 +1,7 @@
 """Compute biharmonic coordinates on tetrahedra, by a direct solve and by the small system of OptCtrlPoints.
 
-Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-OptCtrlPoints factors the energy matrix, which libigl for Python does not return. So this module assembles the matrix.
+Sources: Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
+Both factor the energy matrix, which the Python bindings of libigl do not return. So this module assembles the matrix.
 """
 
 from collections.abc import Callable
@@ -16,16 +16,16 @@ from scipy.sparse.linalg import splu
 from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
-Solve = Callable[[Int64], Float64]  # maps handles, distinct nodes (K,), to their weights (N, K) at all nodes
+Solve = Callable[[Int64], Float64]  # maps the distinct nodes (K,) of K handles to weights (N, K) at all nodes
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy: 1 at their handle, 0 at other handles. Affine maps are exact."""
+    """Prepare weights of least biharmonic energy, 1 at one handle and 0 at the others. They reproduce affine maps."""
     return _binding(body, direct(body.within))
 
 
 def opt_ctrl_points(body: Body) -> Bind:
-    """Prepare the same weights as `coordinates`, but solve `small_system`."""
+    """Prepare the same weights as `coordinates`, but by `small_system`."""
     return _binding(body, small_system(body.within))
 
 
@@ -44,13 +44,13 @@ def _binding(body: Body, solve: Solve) -> Bind:
 
 
 def direct(within: Tetrahedra) -> Solve:
-    """Assemble the energy matrix. Return a solver that factors the rows of the free nodes for each set of handles."""
+    """Assemble the energy matrix. Return a solver that factors, for each set of handles, the block of free nodes."""
     nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
 
     def solve(handles: Int64) -> Float64:
         size, components = np.ptp(nodes, axis=0).max(), igl.vertex_components(within.cells)
         for component in range(components.max() + 1):
-            # Affine functions have energy 0, so only four handles that span space determine the weights.
+            # Affine functions have energy 0, so weights are unique only if four handles do not lie in a plane.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
                 on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
@@ -66,11 +66,11 @@ def direct(within: Tetrahedra) -> Solve:
 
 
 def small_system(within: Tetrahedra) -> Solve:
-    """Factor the energy matrix with four fixed nodes, which gives a generalized inverse G. Return a solver.
+    """Factor the energy matrix with four fixed nodes, which gives a generalized inverse G; return a solver.
 
-    For K handles, the solver uses a dense system of K + 4 equations, as Kim et al. do: W = G S Λ + P C. S selects the
-    handles, and P spans the affine functions, whose energy is 0. With fewer than four handles, the system has several
-    solutions, and the solver uses the one of least norm.
+    As in Kim et al., the weights of K handles are W = G S Λ + P C. S selects the handles, and P spans the affine
+    functions, whose energy is 0. A dense system of K + 4 equations gives Λ and C. With fewer than four handles, the
+    system has several solutions, and the solver uses the one of least norm.
     """
     nodes = within.nodes
     affine = np.c_[np.ones(len(nodes)), (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()]
@@ -100,12 +100,12 @@ def _factored(energy: csc_array, free: Int64) -> Any:
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
-    """Return the squared Laplacian (N, N) without boundary conditions. Its null space is the affine functions.
+    """Return the squared Laplacian (N, N) without boundary conditions. Its null space contains the affine functions.
 
     The matrix is (L + B)ᵀ M⁻¹ (L + B) with lumped masses M. L integrates −∇φ·∇u over the volume. B integrates φ ∂u/∂n
     over the boundary triangles. For an affine u, L + B then gives 0 at every node.
     """
-    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size only scales the energy
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()  # unit size; this only scales the energy
     volumes = np.abs(igl.volume(positions, cells))
     if volumes.min() <= 0:
         raise PeerError("has tetrahedra without volume")
@@ -113,7 +113,7 @@ def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     gradient = csc_array(igl.grad(positions, cells))  # (3 T, N): the x rows of all tetrahedra, then y, then z
     slopes = csc_array((len(facets), len(nodes)))
     for rows in (owner + k * len(cells) for k in range(3)):
-        # −3 × volume × gradient of the opposite node's hat function is the outward normal, as long as the area.
+        # −3 × volume × gradient of the opposite node's hat function is the outward normal. Its length is the area.
         normal = -3 * volumes[owner] * gradient[rows, cells[owner, apex]]
         slopes += diags_array(normal) @ gradient[rows]
     thirds = (np.full(facets.size, 1 / 3), (facets.ravel(), np.repeat(np.arange(len(facets)), 3)))

@@ -25,7 +25,7 @@ def arap(body: Body) -> Bind:
 def bounded(body: Body) -> Bind:
     """Prepare bounded biharmonic weights on tetrahedra (Jacobson et al., 2011).
 
-    Each group of held vertices has a column of weights from 0 to 1. The fixed vertices form one group. Rows sum to 1.
+    Each group of held vertices has weights from 0 to 1. The fixed vertices form one group. Weights of a node sum to 1.
     """
 
     def bind(held: Int64, group: Int64) -> Deform:

@@ -1,7 +1,7 @@
 """Deform by moving least squares with learned weights; Shechter et al., "NeuralMLS", 2022.
 
 A small network is trained to classify positions: each control point is a class. The class probabilities at a vertex
-are its weights for rigid moving least squares (Schaefer et al., 2006).
+are the weights of the control points for rigid moving least squares (Schaefer et al., 2006).
 """
 
 import time
@@ -12,12 +12,12 @@ import torch
 from bench.paper.peers.peer import Bind, Body, Deform
 from dfd.common.linear_algebra import Float64, Int64
 
-WIDTH, HIDDEN = 256, 3
-STEPS, RATE = 1_000, 1e-3
+WIDTH, HIDDEN = 256, 3  # width and number of the hidden layers
+STEPS, RATE = 1_000, 1e-3  # largest number of training steps, and learning rate
 ENOUGH = 0.02  # mean cross-entropy at which training ends
-MOST_SECONDS = 40.0  # longest duration of the training
-RIDGE = 1e-4  # multiple of the identity added to a covariance matrix; undetermined rotations then become 0
-BATCH = 1 << 15  # vertices that are computed at once
+MOST_SECONDS = 40.0  # longest duration of the training, in seconds
+RIDGE = 1e-4  # multiple of the identity that is added to a covariance matrix; an undetermined rotation is then 0
+BATCH = 1 << 15  # number of vertices that are computed at once
 
 
 def neural_mls(body: Body) -> Bind:
@@ -37,7 +37,7 @@ def neural_mls(body: Body) -> Bind:
             weights = [network(some.float()).softmax(dim=1).double() for some in points.split(BATCH)]
 
         def deform(targets: Float64) -> Float64:
-            """Move each vertex by the rigid motion of control points to targets that fits its weights best."""
+            """Move each vertex rigidly, by the weighted least-squares fit of control points to targets."""
             wanted = scaled(targets)
             pairs = (control[:, :, None] * wanted[:, None]).reshape(-1, 9)
             moved = []
@@ -57,7 +57,7 @@ def neural_mls(body: Body) -> Bind:
 
 
 def trained(control: torch.Tensor) -> torch.nn.Module:
-    """Train a network that returns the index of a control point (N, 3) from its position, and return it."""
+    """Train and return a network that maps the position of each of the `control` points (N, 3) to its index."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
         widths = [3, *[WIDTH] * HIDDEN, len(control)]

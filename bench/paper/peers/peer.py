@@ -49,7 +49,7 @@ class Tetrahedra:
         return KDTree(self.nodes).query(points)[1].astype(np.int64)
 
     def on_surface(self, values: Float64) -> Float64:
-        """Interpolate `values` (N, D) at the nodes; return the values (V, D) at the vertices of the surface."""
+        """Return values (V, D) at the vertices of the surface, interpolated from `values` (N, D) at the nodes."""
         return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 

@@ -1,4 +1,4 @@
-"""Convert weights, features and part numbers to colors."""
+"""Convert weights, features and indices of parts to colors."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.appearance import linear, srgb
 from dfd.weights.compact import CompactFeatures
 
-CLAY = (0.85, 0.84, 0.82)  # sRGB color of a surface without data, and of weight 0
+CLAY = (0.85, 0.84, 0.82)  # sRGB color of weight 0, and of surfaces without colors
 # sRGB colors of the heat map from weight 0 to 1. Lightness decreases, so color-blind people can read the map.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
 LARGEST_SAMPLE = 20_000  # largest number of features from which the principal directions are computed
 PERCENTILES = (1.0, 99.0)  # percentiles of a principal component that get the lowest and the highest color value
 
-# Matrices of Oklab (Ottosson 2020): from linear sRGB to cone responses, and from their cube roots to Oklab.
+# Matrices of the color space Oklab (Ottosson 2020): linear sRGB to cone responses, and their cube roots to Oklab.
 _TO_CONE = np.array(
     [
         [0.4122214708, 0.5363325363, 0.0514459929],
@@ -48,10 +48,10 @@ def weight_colors(weights: ArrayLike) -> Float32:
 
 
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of `features` (V, D): their first three principal components.
+    """Return sRGB colors (V, 3), in [0, 1], that show the first three principal components of `features` (V, D).
 
-    The components are shown as red, green and blue. The 1st percentile of a component gets the lowest value, and the
-    99th the highest. The sign of each principal direction is fixed: its entry of largest magnitude is positive.
+    The components are red, green and blue. The 1st percentile of a component gets the lowest value, and the 99th
+    percentile the highest. In each principal direction, the entry of largest magnitude is positive.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -76,7 +76,7 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of the part numbers `labels` (V,); each part has its own hue.
+    """Return sRGB colors (V, 3), in [0, 1], of parts; `labels` (V,) are their indices. Each part has its own hue.
 
     Raises ValueError if `labels` is not a one-dimensional array of numbers of at least 0.
     """
@@ -91,7 +91,7 @@ def part_colors(labels: ArrayLike) -> Float32:
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
-    """Convert sRGB `colors` (N, 3) to Oklab: lightness and two color axes. Equal steps in Oklab look equally large."""
+    """Convert sRGB `colors` (N, 3) to Oklab: lightness and two hue axes. Equal distances look equally different."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
@@ -101,7 +101,7 @@ def _from_oklab(lab: Float64) -> Float64:
 
 
 def _heat_table() -> Float64:
-    """Return 256 sRGB colors along `HEAT_STOPS`, (256, 3), with steps that look equally large."""
+    """Return 256 sRGB colors (256, 3) along `HEAT_STOPS`, with steps that look equally large."""
     stops = oklab(np.array(HEAT_STOPS))
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
     position = np.linspace(0, length[-1], 256)

@@ -10,11 +10,11 @@ from dfd.common.linear_algebra import UInt8
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.labels import font, wrapped
 
-Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictures with their captions
+Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # each row: a heading, and pictures with their captions
 
 INK, GRAY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
-SMALLEST_CELL, LARGEST_CELL = 16, 8192
-NARROWEST = 96  # smallest width of the page without margins, in pixels, so that headings fit
+SMALLEST_CELL, LARGEST_CELL = 16, 8192  # bounds of the height of a picture, in pixels
+NARROWEST = 96  # smallest width of the page without its margins, in pixels, so that headings fit
 
 
 def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
@@ -24,7 +24,7 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
     Title, headings and captions may be empty. Rows without pictures are left out. Pictures are scaled to the height
     `cell`, in pixels. Text and margins grow with `cell`.
 
-    Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is outside [16, 8192].
+    Raises ValueError if there is no picture, a picture has another dtype or array shape, or `cell` is not 16 to 8192.
     """
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
@@ -53,7 +53,7 @@ def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Imag
 
 
 def heat_bar(height: int) -> UInt8:
-    """Return the legend of the heat map, (height, width, 3): weight 0 at the bottom, 1 at the top."""
+    """Return a picture (height, width, 3) of the heat map's legend, with weight 0 at the bottom and 1 at the top."""
     size = max(9, height // 22)
     typeface = font(size)
     long, thick = int(height * 0.6), max(4, height // 26)
@@ -71,7 +71,7 @@ def heat_bar(height: int) -> UInt8:
 
 
 def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
-    """Return a row: a heading, and below it pictures side by side, with a caption below each picture."""
+    """Return an image of a row: a heading, pictures side by side below it, and a caption below each picture."""
     head, size = _text(heading, width, max(10, cell // 14), INK), max(9, cell // 19)
     captions = [_text(caption, image.width, size, GRAY, centered=True) for image, caption in pictures]
     top = head.height + (cell // 32 if heading else 0)

@@ -11,7 +11,7 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
-# Replacements for characters that the typeface lacks.
+# Replacements of letters that the typeface lacks.
 _SPELLED = {"λ": "lambda", "→": "->", "×": "x", "−": "-", "≥": ">=", "≤": "<="}
 
 
@@ -28,7 +28,7 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def spelled(text: str) -> str:
-    """Replace the letters of `text` that the typeface lacks by similar letters, or else by a question mark."""
+    """Replace letters that the typeface lacks by similar letters; a letter without a similar one becomes "?"."""
     return "".join(_letter(letter) for letter in text)
 
 
@@ -57,7 +57,7 @@ def _letter(letter: str) -> str:
 
 
 def _drawable(letter: str) -> bool:
-    """Return whether the typeface has the letter. A typeface draws the same box for all letters that it lacks."""
+    """Return whether the typeface has the letter. It draws the same box for all letters that it lacks."""
     typeface = font(20)
     mask, box = typeface.getmask(letter), typeface.getmask("\uffff")
     return mask.size != box.size or bytes(mask) != bytes(box)
@@ -76,7 +76,7 @@ def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: S
 
 
 def draw_axes(page: Image.Image, camera: Camera) -> None:
-    """Draw the x, y and z axes in the lower left corner. The axis that points most to the camera is on top."""
+    """Draw the x, y and z axes in the lower left corner. The axis that points most towards the camera is on top."""
     resolution = page.height
     length, size = max(14.0, 0.07 * resolution), max(10, resolution // 36)
     draw = ImageDraw.Draw(page)
@@ -102,10 +102,10 @@ def _write(
 
 
 BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
-RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark as a fraction of the picture's side; smallest radius in pixels
-RIM = 1.4  # outer radius of the white rim, divided by the radius of the mark
+RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark, as a fraction of the picture's side; smallest radius, in pixels
+RIM = 1.4  # outer radius of the white rim around a mark, divided by the radius of the mark
 HIDDEN = 0.3  # opacity of a mark that the shape hides
-INSIDE = 0.02  # a mark is hidden if a surface is in front of it by more than this; the shape lies in [−1, 1]³
+INSIDE = 0.02  # a mark is hidden if the surface is more than this in front of it; the shape lies in [−1, 1]³
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:

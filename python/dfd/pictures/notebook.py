@@ -16,7 +16,7 @@ def show(shape: MeshLike | Deformer, **options: Any) -> Image.Image:
     """Return a picture of a mesh, or of the posed shape of a `Deformer` with dots at the posed handles.
 
     A mesh can be any source that `dfd.load` accepts. `options` are those of `dfd.pictures.picture.picture`. By default,
-    the camera faces the handles of the `Deformer`. Raises ValueError as `picture` does.
+    the camera faces the handles of a `Deformer`. Raises ValueError as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Image.fromarray(picture(as_mesh(shape), **options))

@@ -25,18 +25,18 @@ from dfd.views.raycast import Hits, Scene
 
 SAMPLES = 2  # number of samples along each side of a pixel
 LARGEST_RESOLUTION = 8192
-BAND = 1 << 17  # number of samples in a band of rows; bands are drawn one after another to limit memory
-HALO = 2  # number of additional rows of pixels at each side of a band, which are only used to smooth occlusion
-CREASE = 30.0  # largest angle, in degrees, between a smooth normal and a face normal at which shading is smooth
+BAND = 1 << 17  # about the number of samples in a band, a range of rows that one task draws; this limits the memory
+HALO = 2  # number of further rows of pixels above and below a band, only used to smooth occlusion
+CREASE = 30.0  # if smooth and face normals differ by more than this angle, in degrees, the face normal is used
 
 # Brightness of the sky above, of the ground below, and of a lamp above and to the left of the camera.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
-LAMP_OFFSET = (-0.45, 0.60)  # direction of the lamp: components to the right and up; the component to the camera is 1
-SHADE_RAYS = 2  # occlusion rays per sample
+LAMP_OFFSET = (-0.45, 0.60)  # components of the lamp's direction to the right and up; to the camera, it is 1
+SHADE_RAYS = 2  # number of rays per sample that test ambient occlusion
 # Ordered dither: the 4 × 4 samples of a tile cast occlusion rays in different directions.
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16
-SHADE_REACH = 0.7  # distance beyond which a surface does not occlude; the shape lies in [−1, 1]³
-SHADE_DEPTH = 0.75  # share of the sky's light that full occlusion removes
+SHADE_REACH = 0.7  # surfaces at a larger distance do not occlude; the shape lies in [−1, 1]³
+SHADE_DEPTH = 0.75  # fraction of the sky that counts as hidden at full occlusion
 MAX_LAYERS = 6  # largest number of surfaces that are drawn along a ray
 STEP = 1e-4  # distance behind a transparent surface at which a ray continues; the shape lies in [−1, 1]³
 
@@ -58,7 +58,7 @@ def picture(
     axes: bool = False,
     resolution: int = 512,
 ) -> UInt8:
-    """Return a picture of `mesh` on white, at rest or moved, in the mesh's own colors or in given colors.
+    """Return a picture of `mesh` on white, with its own vertices and colors or with given ones.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def picture(
         (V, 3) moved positions in mesh units; None draws the mesh at rest.
     colors
         (V, 3) sRGB colors of the vertices, in [0, 1], interpolated over the faces. Without `colors` and `weights`, the
-        mesh has its own colors, or clay if it has none.
+        mesh is drawn in its own colors, or in the color of clay if it has none.
     weights
         (V,) weights, drawn as a heat map; see `weight_colors`.
     handles, fixed
@@ -75,17 +75,17 @@ def picture(
     labels
         A text beside each of `handles`, or an empty sequence.
     azimuth, elevation
-        Direction from the shape to the camera, in degrees. With 0 and 0, the camera is in front, at +z. Azimuth 90 is
-        +x, and elevation 90 is above.
+        Direction from the shape to the camera, in degrees. With 0 and 0, the camera is in front of the shape, at +z. At
+        azimuth 90 it is at +x, and at elevation 90 above the shape.
     zoom
         Magnification of the shape in the picture.
     target
-        (3,) the center of the picture, in mesh units; None for the center of the shape.
+        (3,) the point at the center of the picture, in mesh units; None centers the shape.
     frame
-        Further positions, each (N, 3) in mesh units, that the picture must contain. Two pictures have the same camera
-        if the `frame` of each contains the vertices of the other.
+        Arrays (N, 3) of further positions, in mesh units, that the picture must contain. Pictures of two poses have the
+        same camera if the `frame` of each contains the vertices of the other.
     axes
-        Whether to draw the directions of the axes in the lower left corner.
+        Whether to draw the axes x, y and z in the lower left corner.
     resolution
         R, the side of the picture in pixels.
 
@@ -94,8 +94,8 @@ def picture(
     (R, R, 3) uint8 sRGB.
 
     Raises ValueError if an array has the wrong shape or is not finite, or a vertex index is out of range. Raises
-    ValueError if both `colors` and `weights` are given, the numbers of `labels` and `handles` differ, or all points
-    have one position.
+    ValueError if both `colors` and `weights` are given, if there are not as many `labels` as `handles`, or if all
+    points have the same position.
     """
     resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices
@@ -130,7 +130,7 @@ def picture(
 
 
 def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
-    """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), atomically.
+    """Write a picture atomically. It is a PIL image, or a uint8 array of shape (height, width, 3).
 
     Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; an existing file
     is then unchanged.
@@ -143,15 +143,15 @@ def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
 
 
 class _Painter:
-    """Computes the light and color of a shape for one camera. Coordinates are normalized to the cube [−1, 1]³."""
+    """Computes the light and color of a shape for one camera. All coordinates lie in the cube [−1, 1]³."""
 
     def __init__(
         self,
         mesh: Mesh,
-        vertices: Float32,  # (V, 3) normalized
+        vertices: Float32,  # (V, 3) vertices in the cube
         scene: Scene,
         camera: Camera,
-        colors: Float32 | None,  # (V, 3); None for the mesh's own colors
+        colors: Float32 | None,  # (V, 3) sRGB; None for the mesh's own colors
         *,
         moved: bool,
     ) -> None:
@@ -162,7 +162,7 @@ class _Painter:
     def draw(self, resolution: int) -> Float32:
         """Return the picture (R, R, 3) in sRGB; each pixel is the mean of several samples."""
         image = np.empty((resolution, resolution, 3), np.float32)
-        # The height is a multiple of HALO, which aligns the tiles of all bands.
+        # The height of a band is a multiple of HALO, so that the tiles of all bands are aligned.
         height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)
 
         def draw_band(begin: int, end: int) -> None:
@@ -178,7 +178,7 @@ class _Painter:
         directions = self._directions(rows, count)
         starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
         ray = np.arange(len(directions))
-        light = np.ones(len(directions), np.float32)  # transmittance of the surfaces in front
+        light = np.ones(len(directions), np.float32)  # transmittance of the surfaces in front of the next hit
         color = np.zeros((len(directions), 3), np.float32)
         for _ in range(MAX_LAYERS):
             hits = self._scene.cast(starts, directions[ray])
@@ -221,7 +221,7 @@ class _Painter:
         return rgba
 
     def _light(self, normals: Float32, open_sky: Float32) -> Float32:
-        """Return the light (K,) at points with unit `normals` (K, 3). They see the share `open_sky` (K,) of the sky."""
+        """Return the light (K,) at points with unit `normals` (K, 3) and `open_sky` (K,), the visible share of sky."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
@@ -246,9 +246,9 @@ class _Painter:
         return _unit(normals)
 
     def _hidden(self, place: Float32, normals: Float32, ray: Int64, count: int) -> Float32:
-        """Return the share of the sky that the shape hides from each point, (K,) in [0, 1]; near surfaces hide more.
+        """Return the fraction (K,) of the sky that the shape hides from each of K points; near surfaces hide more.
 
-        Each sample casts few rays, in directions that depend on its position in the tile.
+        From each sample, few rays are cast, in directions that depend on the position of the sample in its tile.
         """
         side = _unit(np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])))
         other = np.cross(normals, side)
@@ -270,7 +270,7 @@ class _Painter:
 
 
 def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
-    """Return for each sample the mean of `values` (K,) over those samples of a tile around it that show the shape."""
+    """Return the mean (K,) of `values` (K,) over a tile around each sample; only samples on the shape count."""
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
@@ -278,7 +278,7 @@ def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
 
 
 def _positions(name: str, dots: Any, vertices: Float64) -> Float64:
-    """Return the positions (H, 3) of marks; `dots` holds positions or vertex indices."""
+    """Return the positions (H, 3) of marks, from positions or vertex indices `dots`."""
     if np.ndim(dots) == 2:
         return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
     return vertices[check.vertex_indices("picture", name, dots, len(vertices))]

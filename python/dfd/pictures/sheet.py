@@ -33,10 +33,10 @@ def save_sheet(
 ) -> None:
     """Write pictures of each row from `views` sides. A single picture fills the file. Several form a contact sheet.
 
-    Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is that of the first side, in degrees. By
-    default, the camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as in `picture`.
-    If `zoom` is not 1, the center of the picture is the mean position of the row's handles. `legend` adds the legend of
-    the heat map to rows with weights. `advance` is called after each picture.
+    Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is the camera's azimuth for the first side,
+    in degrees. By default, this camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as
+    in `picture`. If `zoom` is not 1, the center of the picture is the mean position of the row's handles. `legend` adds
+    the legend of the heat map to rows with weights. `advance` is called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -66,7 +66,7 @@ def save_before_after(
     """Write three pictures with the same camera: the shape at rest with its handles, the weights, and the posed shape.
 
     `azimuth`, `elevation` and `zoom` are as in `picture`. By default, the camera faces the handles. If `zoom` is not 1,
-    the handles are in the center.
+    the mean position of the handles, at rest and posed, is in the center.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -82,8 +82,8 @@ def save_before_after(
 def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
     """Return the arguments of `picture` for three pictures of a session: "before", "weights" and "after".
 
-    "before" shows the shape at rest, and "after" the posed shape. All have the same camera. Dots mark the handles; in
-    "after", the dots are at their posed positions. Without an `azimuth`, the camera faces the handles.
+    "before" shows the shape at rest, and "after" the posed shape. All three have one camera. Dots mark the handles. In
+    "after", the dots are at the posed handles. Without an `azimuth`, the camera faces the handles.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
@@ -100,7 +100,7 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
-    """Return arguments of `picture` for a picture in which each part has a color and a number, from 1."""
+    """Return arguments of `picture` that give each part in `found` its own color, and a number from 1."""
     return {
         "colors": part_colors(np.argmax([part.mask for part in found], axis=0)),
         "handles": mesh.vertices[[part.vertex for part in found]],

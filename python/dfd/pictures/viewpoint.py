@@ -12,11 +12,11 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees
-ASIDE = 25.0  # degrees by which the camera turns aside from the frontal view of the points, to show depth
+ASIDE = 25.0  # angle in degrees between the camera's azimuth and the direction of the points, to show depth
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return the azimuth, in degrees, of a camera that faces `points` (N, 3) or, without points, the front."""
+    """Return the azimuth in degrees of `points` (N, 3) from the mesh's center, or 0 without points, plus `ASIDE`."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
@@ -30,7 +30,7 @@ def aim(
     target: ArrayLike | None,
     frame: Sequence[ArrayLike],
 ) -> tuple[Normalization, Camera]:
-    """Return the map of all points that the picture must contain into the cube [−1, 1]³, and the camera for this cube.
+    """Return the map of the points in the picture to the cube [−1, 1]³, and a camera in coordinates of the cube.
 
     `drawn` (V, 3) are the vertex positions that are drawn, in mesh units. The other arguments are those of `picture`.
     """

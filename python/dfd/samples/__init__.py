@@ -1,6 +1,6 @@
-"""Generate shapes with a part label for each vertex, for tests and demos.
+"""Generate shapes for tests and demos, with a label of the part of each vertex.
 
-All shapes are upright (+y) and face +z; right is +x. Their height is about 1, and x = 0 is an exact mirror plane.
+All shapes are upright (+y) and face +z; right is +x. Their height is about 1. The plane x = 0 is an exact mirror plane.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ class Sample:
 
     mesh: Mesh
     labels: Int32  # (V,) the kind of part of each vertex, as an index into `parts`
-    instances: Int32  # (V,) the number of each vertex's part among the parts of its kind, such as 0 to 3 for four legs
+    instances: Int32  # (V,) the index of each vertex's part among the parts of its kind, such as 0 to 3 for four legs
     parts: tuple[str, ...]  # the names of the kinds of parts, such as "leg"
 
     def vertices_of(self, part: str, instance: int | None = None) -> Int64:
-        """Return the vertices (N,) of all parts of the kind `part`, or only of the one with the number `instance`.
+        """Return the vertex indices (N,) of all parts of the kind `part`, or only of the one with the index `instance`.
 
         Raises ValueError if `part` is not one of `parts`.
         """
@@ -63,7 +63,7 @@ def chair(faces: int = 20_000) -> Sample:
 def quadruped(faces: int = 20_000) -> Sample:
     """Return an animal with horns, of about `faces` faces.
 
-    Parts: body, neck, head, ear (2), horn (2), leg and hoof (4: front right, front left, back right, back left), tail.
+    Parts: body, neck, head, tail, ear (2), horn (2), leg and hoof (4: front right, front left, back right, back left).
 
     Raises ValueError if `faces` is below 4,000 or above 10,000,000.
     """
@@ -91,7 +91,7 @@ def quadruped(faces: int = 20_000) -> Sample:
 def robot(faces: int = 20_000) -> Sample:
     """Return a robot of about `faces` faces.
 
-    Parts: torso, head, arm (2), hand (2), leg (2), foot (2). The right part of a pair has the number 0.
+    Parts: torso, head, arm, hand, leg, foot. Arms, hands, legs and feet have the instances 0 (right) and 1 (left).
 
     Raises ValueError if `faces` is below 4,000 or above 10,000,000.
     """

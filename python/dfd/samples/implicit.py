@@ -8,7 +8,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float64, Int32
 
 Points = Float64  # (N, 3)
-Distance = Callable[[Points], Float64]  # (N, 3) -> (N,), negative inside
+Distance = Callable[[Points], Float64]  # maps points (N, 3) to signed distances (N,), negative inside
 Triple = tuple[float, float, float]
 
 
@@ -18,9 +18,9 @@ class Primitive:
 
     part: str  # the kind of part
     distance: Distance
-    instance: int = 0  # number of the part among the parts of its kind
-    paired: bool = False  # whether the mirror image is another part, with the number `instance` + 1
-    blend: float = 0.02  # radius of the fillet between the primitive and the previous primitives
+    instance: int = 0  # index of the part among the parts of its kind
+    paired: bool = False  # whether the mirror image is another part, with the index `instance` + 1
+    blend: float = 0.02  # width of the smooth transition to the union of the previous primitives
 
 
 class Shape:
@@ -31,7 +31,7 @@ class Shape:
         self.parts = tuple(dict.fromkeys(primitive.part for primitive in primitives))
 
     def distance(self, points: Points) -> Float64:
-        """Return the approximate signed distance (N,) of `points` from the surface, which is symmetric in x = 0."""
+        """Return the approximate signed distance (N,) of `points` (N, 3) from the surface, negative inside."""
         folded = _folded(points)
         result = self.primitives[0].distance(folded)
         for primitive in self.primitives[1:]:
@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Return `points` after `times` moves to the surface, each by at most `step`. Points on x = 0 stay on x = 0."""
+        """Move `points` (N, 3) to the surface in `times` steps of length `step` or less. Points on x = 0 stay on it."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
@@ -51,7 +51,7 @@ class Shape:
         return moved
 
     def labels(self, points: Points) -> tuple[Int32, Int32]:
-        """Return the index in `parts` (N,) and the instance (N,) of the primitive nearest to each point."""
+        """Return the part (N,), an index into `parts`, and the instance (N,) of the primitive nearest to each point."""
         folded = _folded(points)
         nearest = np.argmin([primitive.distance(folded) for primitive in self.primitives], axis=0)
         part = np.array([self.parts.index(primitive.part) for primitive in self.primitives], np.int32)
@@ -61,7 +61,7 @@ class Shape:
 
 
 def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float | None = None) -> Distance:
-    """Return the distance function of a rod with round ends. Its radius changes linearly from end to end."""
+    """Return the distance function of a rod with round ends, whose radius changes linearly along it."""
     origin, along = np.array(start), np.subtract(end, start)
     last = start_radius if end_radius is None else end_radius
 
@@ -75,7 +75,7 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
 
 def chain(points: Sequence[Triple], radii: Sequence[float]) -> list[Distance]:
-    """Return the distance functions of capsules between consecutive `points`, with one of `radii` at each point."""
+    """Return the distance functions of capsules between consecutive `points`; `radii` has a radius for each point."""
     return [capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)]
 
 
@@ -92,9 +92,9 @@ def ellipsoid(center: Triple, radii: Triple, *, roll: float = 0.0) -> Distance:
 
 
 def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0.0, bend: float = 0.0) -> Distance:
-    """Return the approximate distance function of a box with the sides 2 · `half`, and edges rounded by `radius`.
+    """Return the approximate distance function of a box with side lengths 2 · `half` and edges rounded by `radius`.
 
-    The box is bent (z increases by `bend` · x²), and then rotated about x by `pitch` radians (positive: front down).
+    The box is bent: z increases by `bend` · x². It is then rotated about x by `pitch` radians (positive: front down).
     """
     origin, inner, turn = np.array(center), np.subtract(half, radius), _rotation(1, 2, pitch)
 
@@ -112,14 +112,14 @@ def rounded_box(center: Triple, half: Triple, radius: float, *, pitch: float = 0
 
 
 def _folded(points: Points) -> Points:
-    """Return `points` mirrored to x ≥ 0."""
+    """Return `points` with x replaced by |x|."""
     folded = points.copy()
     folded[:, 0] = np.abs(folded[:, 0])
     return folded
 
 
 def _smooth_minimum(a: Float64, b: Float64, radius: float) -> Float64:
-    """Return the smaller of two distances (N,), reduced by a quadratic fillet if they differ by less than `radius`."""
+    """Return the smaller of two distances (N,), reduced smoothly if they differ by less than `radius`."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
     smaller: Float64 = np.minimum(a, b)
     return smaller - overlap**2 * (radius / 4)

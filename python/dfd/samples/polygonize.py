@@ -1,9 +1,9 @@
 """Convert a shape to a closed mesh, exactly symmetric in the plane x = 0, by surface nets on a grid.
 
 Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) have a vertex in each grid cell that the
-surface crosses, and a quadrilateral around each grid edge that the surface crosses. If several sheets of the surface
-pass through a cell, each sheet has its own vertex, so the mesh is a manifold (G. M. Nielson, "Dual marching cubes",
-IEEE Visualization 2004).
+surface crosses, and a quadrilateral around each grid edge that the surface crosses. If separate pieces (sheets) of the
+surface pass through a cell, each sheet has its own vertex. So the mesh is a manifold (G. M. Nielson, "Dual marching
+cubes", IEEE Visualization 2004).
 """
 
 from functools import cache
@@ -14,10 +14,10 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
-_FIRST_SPACING = 1 / 40  # spacing of a first grid; the number of faces that it gives determines the final spacing
-_MOST_GRID_FACES = 60_000  # largest number of faces from a grid; meshes with more faces are subdivided
+_FIRST_SPACING = 1 / 40  # spacing of a trial grid; the final spacing is computed from its number of faces
+_MOST_GRID_FACES = 60_000  # largest number of faces that a grid gives; a mesh with more faces is subdivided
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-_EDGES = [  # (axis, start corner, end corner), ordered by axis and start
+_EDGES = [  # the 12 edges of a cell: (axis, start corner, end corner), indices of `_CORNERS`
     (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
 ]
 
@@ -25,10 +25,10 @@ _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
 def polygonize(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], faces: int
 ) -> tuple[Float64, Int32]:
-    """Return vertices (V, 3) and outward triangles (F, 3) of a mesh of about `faces` faces.
+    """Return vertices (V, 3) and triangles (F, 3), with outward normals, of a mesh of about `faces` faces.
 
-    The shape must lie inside the box from `low` to `high`. Each vertex (x, y, z) has an exact mirror image (−x, y, z),
-    and each face has a mirrored face.
+    The shape must lie inside the box with the opposite corners `low` and `high`. Each vertex (x, y, z) has an exact
+    mirror image (−x, y, z), and each face has a mirror image.
     """
     halvings = 0
     while faces / 4**halvings > _MOST_GRID_FACES:
@@ -50,7 +50,7 @@ def polygonize(
 def _half(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
 ) -> tuple[Float64, Int32]:
-    """Return the surface net of the half x ≥ 0, with its boundary exactly at x = 0."""
+    """Return the surface net of the half x ≥ 0 of the shape. Its boundary lies exactly in x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the plane x = 0 halves the first layer of cells
     count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
     points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
@@ -70,7 +70,7 @@ def _half(
 
 
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Return the largest connected component; on a coarse grid, the thin tip of a horn can be a separate component."""
+    """Return the largest connected component. On a coarse grid, the thin tip of a horn can be another component."""
     component = _core.components(len(vertices), triangles, np.zeros((0, 2), np.int32))
     kept = component == np.bincount(component).argmax()
     number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
@@ -81,7 +81,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
     """Return the vertices (V, 3) in grid spacings, each cell's first vertex (N,), and each edge's sheet (N, 12).
 
     `crossed` (N, 3) are the cells that the surface crosses, and `code` (N,) has a bit for each corner that lies inside.
-    A sheet is the number, in its cell, of the piece of surface that crosses the edge; −1 if no surface crosses it.
+    Each edge of a cell has the index of the sheet that crosses it, counted in this cell; −1 if no surface crosses it.
     """
     sheet = _sheets()[code]
     count = sheet.max(axis=1) + 1
@@ -102,7 +102,7 @@ def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, 
 
 @cache
 def _sheets() -> Int64:
-    """Return a table (256, 12): for each set of inside corners, the sheet that crosses each edge, or −1 for none."""
+    """Return a table (256, 12): for each set of inside corners, the sheet that crosses each edge, −1 for none."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
         cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
@@ -124,7 +124,7 @@ def _sheets() -> Int64:
 
 
 def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -> Int32:
-    """Return outward quadrilaterals (Q, 4) around the crossed grid edges along `axis`."""
+    """Return quadrilaterals (Q, 4), with outward normals, around the crossed grid edges along `axis`."""
     begin, end = [slice(None)] * 3, [slice(None)] * 3
     begin[axis], end[axis] = slice(None, -1), slice(1, None)
     starts = inside[tuple(begin)]
@@ -132,7 +132,7 @@ def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -
     u, v = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
     edges = edges[(edges[:, (axis + 1) % 3] > 0) & (edges[:, (axis + 2) % 3] > 0)]
     columns = []
-    for offset in (u + v, v, 0 * u, u):  # position of the edge in each of the four cells around it
+    for offset in (u + v, v, 0 * u, u):  # position of the edge in each of the four cells that share it
         cell = number[tuple((edges - offset).T)]
         start = int(offset @ (4, 2, 1))
         columns.append(first[cell] + sheet[cell, _EDGES.index((axis, start, start + (4, 2, 1)[axis]))])
@@ -150,7 +150,7 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 
 
 def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Move the vertices three times towards the mean of their neighbors, then to the surface, and return them."""
+    """Return the vertices after three steps, each towards the mean of their neighbors and then to the surface."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T

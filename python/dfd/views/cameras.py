@@ -1,4 +1,4 @@
-"""Place cameras around a shape, in the directions of a Fibonacci sphere, so that the shape fills each picture."""
+"""Place cameras around a shape, in evenly spread directions, so that the shape fills each picture."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from dfd.common.linear_algebra import Bool, Float32, Float64
 Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # in degrees, as in the paper and its public code
-PAPER_DISTANCE = 2.8  # distance of cameras from the origin, normalized, as in the paper and its public code
-MARGIN = 1.06  # width of the picture divided by the width of the shape, so that patches at the outline lie inside
+PAPER_DISTANCE = 2.8  # distance of cameras from the center of a shape in the cube [−1, 1]³, as in the paper
+MARGIN = 1.06  # smallest width of the picture divided by the width of the shape in it
 CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the shape's largest extent
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])  # signs of x, y, z
 _CHUNK = 1 << 12  # number of points per matrix product, which then fits the processor's cache
@@ -23,13 +23,13 @@ _CHUNK = 1 << 12  # number of points per matrix product, which then fits the pro
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera with a square picture, in normalized coordinates.
+    """A pinhole camera with a square picture, in the coordinates of a shape that is scaled into the cube [−1, 1]³.
 
     The axes right, up and back are orthonormal, and the camera looks along −back. The right axis of a mirrored camera
     is negated, so that the picture is a mirror image.
     """
 
-    position: Float64  # (3,) the eye
+    position: Float64  # (3,) position of the eye
     right: Float64  # (3,)
     up: Float64  # (3,)
     back: Float64  # (3,)
@@ -37,7 +37,7 @@ class Camera:
 
     @property
     def half_width(self) -> float:
-        """Return half the width of the picture at distance 1."""
+        """Return half the width of the area that the picture shows at distance 1 from the eye."""
         return float(np.tan(np.radians(self.field_of_view) / 2))
 
     def ray_directions(self, resolution: int) -> Float32:
@@ -49,12 +49,12 @@ class Camera:
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Convert the camera to the mesh's coordinates; the rows of `frame` (3, 3) are the present axes x, y and z."""
+        """Return the camera in the mesh's coordinates. Its present axes x, y and z are the rows of `frame` (3, 3)."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
     def project(self, points: NDArray[np.floating[Any]], resolution: int) -> tuple[Float64, Float64]:
-        """Return the rows (N,) and columns (N,) of `points` (N, 3), in pixels; whole numbers are pixel centers."""
+        """Return the picture rows (N,) and columns (N,) of `points` (N, 3), in pixels; whole numbers are centers."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
         column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
@@ -63,7 +63,7 @@ class Camera:
 
 
 def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
-    """Return unit directions (count, 3) at even density on the sphere.
+    """Return unit directions (count, 3), evenly spread over the sphere.
 
     If `mirrored` is True, the directions form groups of four that are mirror images in the planes x = 0 and z = 0. If
     `count` is not a multiple of four, the remaining directions lie in these planes.
@@ -101,11 +101,11 @@ def camera_towards(
 def place_cameras(
     count: int, points: NDArray[np.floating[Any]], *, framing: Framing = "shape", mirrored: bool = False
 ) -> list[Camera]:
-    """Return `count` cameras around a shape with the vertices `points` (N, 3), in normalized coordinates.
+    """Return `count` cameras around a shape in the cube [−1, 1]³ with the vertices `points` (N, 3).
 
-    With `framing` "shape", each camera is as near as possible, such that its picture contains the whole shape with a
-    small margin. The eye's distance from the shape is at least a tenth of the shape's largest extent. With "paper",
-    cameras look at the origin from a distance of 2.8.
+    With `framing` "shape", each camera is as near as possible, but its picture contains the whole shape and a small
+    margin. The eye's distance from the shape is at least a tenth of the shape's largest extent. With "paper", cameras
+    look at the origin from a distance of 2.8.
 
     If `mirrored` is True, cameras form groups of four that are mirror images in the planes x = 0 and z = 0. Pictures
     of a shape that is symmetric in one of these planes then show both sides equally.
@@ -114,23 +114,23 @@ def place_cameras(
     """
     directions = fibonacci_directions(count, mirrored=mirrored)
     x, z = directions[:, 0], directions[:, 2]
-    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # mirrored in one plane, not in both
+    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # the direction is mirrored in exactly one of the planes
     return _place(directions, points, framing, FIELD_OF_VIEW, flipped)
 
 
 def _place(
     directions: Float64, points: NDArray[np.floating[Any]], framing: Framing, field_of_view: float, flipped: Bool
 ) -> list[Camera]:
-    """Return a camera in each of `directions` (K, 3), mirrored if `flipped` (K,) is True; see `place_cameras`."""
+    """Return a camera in each of `directions` (K, 3); its picture is mirrored if `flipped` (K,) is True."""
     check.choice("place_cameras", "framing", framing, Framing)
     field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
     bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
     if framing == "paper":
         return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
-    # Coordinates along right, up and back: a camera at (c_x, c_y, d) sees a point q if |q_x − c_x| ≤ slope (d − q_z),
-    # and likewise for y. The bounds are linear in q, so one matrix product gives the extremes for all cameras. The
-    # fifth row gives the point nearest to the eye.
+    # In coordinates x, y, z along right, up and back, a camera at (c_x, c_y, d) sees a point q if
+    # |q_x − c_x| ≤ slope (d − q_z), and likewise for y. These bounds are linear in q, so one matrix product gives their
+    # extremes for all cameras. The fifth row of each camera gives the point nearest to the eye.
     bounds = [
         [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
         for right, up, back in bases
@@ -147,7 +147,7 @@ def _place(
 
 
 def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:
-    """Return, for each of `normals` (K, 3), its largest scalar product (K,) with any of `points` (N, 3)."""
+    """Return the largest scalar product (K,) of each of `normals` (K, 3) with any of `points` (N, 3)."""
     rows = normals.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)
     for start in range(0, len(points), _CHUNK):
@@ -157,7 +157,7 @@ def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float
 
 
 def _basis(direction: Float64, flipped: bool) -> tuple[Float64, Float64, Float64]:
-    """Return right, up and back of an upright camera in `direction` (3,). If back is +y, up is −z; if −y, up is +z."""
+    """Return right, up and back of an upright camera; back is `direction` (3,). If it is ±y, up is ∓z."""
     upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
     right = np.cross(upright, direction)
     right /= np.linalg.norm(right)

@@ -20,7 +20,7 @@ class Hits:
     ray: Int64  # (K,) indices of the rays, ascending
     face: Int32  # (K,) the face that the ray hits
     barycentric: Float32  # (K, 3) weights of the face's corners, at least 0 and with sum 1
-    distance: Float32  # (K,) distance along the ray, divided by the length of the ray's direction
+    distance: Float32  # (K,) distance from the origin to the hit, divided by the length of the ray's direction vector
 
     def where(self, chosen: NDArray[np.bool_ | np.integer]) -> Hits:
         """Return the hits that `chosen` selects by a mask (K,) or by indices."""
@@ -28,14 +28,14 @@ class Hits:
 
 
 class Scene:
-    """The search tree of triangles. Rays hit the front and the back of a face, but no face without area.
+    """The search tree of triangles. Rays hit a face from both sides. They never hit a face without area.
 
-    Several threads can cast rays in parallel. `vertices` (V, 3) must be normalized, because Embree computes in float32
-    and misses hits far from the origin. `faces` (F, 3) must be valid indices.
+    Several threads can cast rays in parallel. `vertices` (V, 3) must lie near the origin, in a box of about unit size,
+    because Embree computes in float32 and misses hits far from the origin. `faces` (F, 3) must be valid indices.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
-        # With `robust`, one in 200 rays to an edge or a vertex between faces misses; without it, one in seven.
+        # Without `robust`, more rays slip between neighboring faces, at edges and vertices.
         self._scene = EmbreeScene(robust=True)
         corners = np.ascontiguousarray(faces, dtype=np.int32)
         TriangleMesh(self._scene, np.ascontiguousarray(vertices, dtype=np.float32), corners)
@@ -60,7 +60,7 @@ class Scene:
     def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
         """Return a mask (N,) of the `points` (N, 3) that the surface hides from `eye` (3,).
 
-        A ray ends before its point, by the fraction `tolerance` of its length, to ignore the surface at the point.
+        To ignore the surface at the point itself, the last fraction `tolerance` of the way to each point is not tested.
         """
         if len(points) == 0:
             return np.zeros(0, bool)

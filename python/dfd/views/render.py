@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 Supervision = Literal["barycentric", "vertex"]
 
 LARGEST_RESOLUTION = 4096
-LARGEST_VIEWS = 32767  # view numbers have 16 bits
+LARGEST_VIEWS = 32767  # `Views.view` has 16 bits
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
     """Pictures of a shape, and the surface points of their pixels."""
 
-    images: UInt8  # (n, R, R, 3) 8-bit sRGB, on a white background
+    images: UInt8  # (n, R, R, 3) n pictures of R × R pixels, 8-bit sRGB, on a white background
     covered: Bool  # (n, R, R) whether a pixel shows the shape
     cameras: list[Camera]  # the camera of each picture
-    points: Float32  # (P, 3) surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
+    points: Float32  # (P, 3) surface points, normalized: (p − `center`) · `scale` for a position p in mesh units
     view: NDArray[np.int16]  # (P,) the index of the picture that shows each point
     row: Float32  # (P,) row of each point in its picture, in pixels; whole numbers are pixel centers
     column: Float32  # (P,) column of each point in its picture, in pixels
-    face: Int32  # (P,) the face of each point; empty if the points are vertices
-    vertices: Float32  # (V, 3) normalized vertices of the rendered surface, which may be a simplified copy
+    face: Int32  # (P,) the index of each point's face; empty if the points are vertices
+    vertices: Float32  # (V, 3) normalized vertices of the rendered surface: the mesh, or a simplified copy
     faces: Int32  # (F, 3) faces of the rendered surface
     # The normalization maps the center of the bounding box to the origin, and the box's longest side to [−1, 1].
     center: Float64
     scale: float
-    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) right, up and front, in the mesh's coordinates
+    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) right, up and front in the mesh's axes
     scene: Scene | None = None  # the search tree of `vertices` and `faces`, if it is kept
 
 
@@ -71,16 +71,16 @@ def render(
     views, resolution
         The number of pictures, and the side of a picture in pixels.
     framing
-        "shape" fills each picture with the shape; "paper" places the cameras at the paper's distance.
+        "shape" fills each picture with the shape; "paper" places all cameras at the distance of the paper.
     mirrored
         Whether cameras form groups of four that are mirror images of each other; see `place_cameras`.
     simplify_to
-        The number of faces of a simplified copy, which is rendered in place of the mesh; None renders the mesh itself.
+        The number of faces of a simplified copy, which is rendered instead of the mesh; None renders the mesh itself.
     supervision
-        The points of the result: "barycentric" for the surface points of all covered pixels, "vertex" for the visible
-        vertices.
+        Which points the result has: "barycentric" for the surface points of all pixels that show the shape, "vertex"
+        for the visible vertices.
     frame
-        (3, 3) right, up and front of the shape in the mesh's coordinates, in rows; None takes the mesh's axes.
+        (3, 3) matrix whose rows are right, up and front of the shape in the mesh's coordinates; None takes its axes.
 
     Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
     """
@@ -142,7 +142,7 @@ def render(
 
 
 def used_vertices(vertices: Float32, faces: Int32) -> Float32:
-    """Return the vertices (N, 3), among `vertices` (V, 3), that are corners of faces."""
+    """Return those of `vertices` (V, 3) that are corners of faces, (N, 3)."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]

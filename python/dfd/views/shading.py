@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-AMBIENT, DIFFUSE = 0.6, 0.4  # shares of ambient and diffuse light, as in the paper's public code
-_LAYERS = 8  # largest number of transparent surfaces along a ray
-_CANCELLED = 0.2  # an interpolated normal that is shorter than this is unreliable
-_STEP = 1e-4  # a ray continues at this normalized distance behind a transparent surface
+AMBIENT, DIFFUSE = 0.6, 0.4  # brightness of ambient and diffuse light, as in the paper's public code
+_LAYERS = 8  # largest number of surfaces that are blended along a ray
+_CANCELLED = 0.2  # an interpolated normal shorter than this is replaced by the normal of the face
+_STEP = 1e-4  # distance behind a transparent surface at which a ray continues; the shape lies in [−1, 1]³
 
 
 class Shading:
-    """The renderer of one scene."""
+    """Draws pictures of one scene."""
 
     def __init__(self, scene: Scene, mesh: Mesh, vertices: Float32) -> None:
-        """Store `scene`, which contains the normalized `vertices` (V, 3) and the faces of `mesh`."""
+        """Store `scene`, which contains the faces of `mesh` with `vertices` (V, 3) scaled into the cube [−1, 1]³."""
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
@@ -35,7 +35,7 @@ class Shading:
     def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
         """Return a picture (R, R, 3), and the first hit of each pixel on a surface that is at least half opaque.
 
-        `Hits.ray` contains indices of pixels.
+        `Hits.ray` contains the pixels: row · R + column.
         """
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
@@ -66,7 +66,7 @@ class Shading:
         Transparent surfaces are blended from front to back, with white behind them.
         """
         color = np.zeros((len(directions), 3), np.float32)
-        light = np.ones(len(directions), np.float32)  # remaining transmittance
+        light = np.ones(len(directions), np.float32)  # transmittance of the surfaces in front of the next hit
         reached = np.zeros(len(directions), np.float32)
         solid = np.zeros(len(directions), bool)
         kept: list[Hits] = []
@@ -92,13 +92,13 @@ class Shading:
 def facing(
     vertices: Float32,  # (V, 3)
     faces: Int32,  # (F, 3)
-    normals: Float32,  # (V, 3) unit, or zero if unknown
+    normals: Float32,  # (V, 3) unit normals; 0, 0, 0 if unknown
     hits: Hits,
-    directions: Float32,  # (N, 3) unit, of all rays
+    directions: Float32,  # (N, 3) unit directions of all rays
 ) -> Float32:
-    """Return |n · d| of each hit, (K,), for the normal n and the ray's direction d: 0 if the surface is seen edge on.
+    """Return |n · d| (K,) of each hit, for the normal n and the ray's direction d: 0 if the ray grazes the surface.
 
-    The normal is interpolated, or is the face's normal if normals of opposite directions nearly cancel.
+    The normal is interpolated from the corners. If their normals nearly cancel, it is the normal of the face.
     """
     corners = faces.take(hits.face, axis=0)
     normal = blend(normals, corners, hits.barycentric)
