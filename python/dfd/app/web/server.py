@@ -141,7 +141,7 @@ class Sessions:
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages in `outbox` to the page. A number in it is a code, with which the connection is closed."""
+    """Send the messages in `outbox` to the page. A number in `outbox` closes the connection with this code."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))
