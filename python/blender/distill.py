@@ -12,7 +12,7 @@ import bpy
 from .operators import OfMesh
 from .vertex_groups import object_mode
 
-CHECK_INTERVAL = 0.5  # seconds between checks whether the process has ended
+CHECK_INTERVAL = 0.5  # seconds; how often the extension checks whether the process has ended
 
 
 class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801

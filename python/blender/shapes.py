@@ -1,4 +1,4 @@
-"""Compute the weights and the parts of a mesh from its field. Data that does not depend on handles is kept.
+"""Compute the weights and the parts of a mesh from its field. Data for all handles is computed only once.
 
 The module does not import bpy, torch or pydantic.
 """
@@ -19,7 +19,7 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # a smaller difference of two `_box_difference` is a tie; simplification changes a box by less
+SAME_BOX = 1e-3  # results of `_box_difference` that differ by less are equal; simplification changes a box by less
 
 
 class Shape:
@@ -27,7 +27,7 @@ class Shape:
 
     `vertices` (V, 3) are in the object's own coordinates, and `field` is the path of a `.field.safetensors` file.
     `axes` are the axes of the field. "SAME" means the object's axes. "Y_UP" means the axes of a glTF file, which
-    Blender rotates by 90 degrees during import. "AUTO" selects the one whose bounding box fits better.
+    Blender rotates by 90 degrees during import. "AUTO" selects the one that fits the field's bounding box better.
 
     Raises ValueError if the field is invalid or of another shape. Raises OSError if the file cannot be read.
     """

@@ -60,7 +60,7 @@ class Transform(Model):
     """New values of a handle's transform: it scales along `axes` and rotates, both about the pivot, then translates.
 
     Null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
-    row: "auto" selects the axes of the mesh, and "normal" selects axes with the surface normal at the handle as third.
+    row: "auto" selects the axes of the mesh, and "normal" selects axes whose third is the surface normal at the handle.
     The pivot "auto" is computed when the handle rotates or scales. Bend and twist act before the scale, at the position
     `joint` (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip rotates upwards.
     """
@@ -111,7 +111,7 @@ KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
 class Answer(Model):
-    """The base class of all messages of the server. An answer has the `id` of the request; other messages have 0."""
+    """The base class of all messages of the server. An answer has the `id` of its request; other messages have 0."""
 
     id: int = 0
 
@@ -124,7 +124,7 @@ class ControlEntry(Model):
     hint: str
     kind: Literal["number", "length", "choice", "switch"]
     choices: tuple[str, ...]  # words that the control accepts as values
-    slider: Vector | None  # lowest value, highest value, step; lengths are fractions of `diagonal`
+    slider: Vector | None  # lowest value, highest value, step; lengths are fractions of the bounding box's diagonal
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
@@ -177,7 +177,7 @@ class HandleState(PoseTransform):
     pivot: Vector  # center of rotation and scale
     pivot_set: bool  # whether the transform has a pivot; if not, `pivot` is `position`
     pivot_at: PivotAt | None  # name of the pivot; null if the pivot has no name
-    reach_by: Literal["number", "part"]  # whether the reach is "part"; `reach` is a number in both cases
+    reach_by: Literal["number", "part"]  # "part" if the reach is "part"; `reach` is a number in both cases
     mask_part: bool  # whether the mask is the handle's part
     region: int  # number of vertices in the handle's region; 0 for a point
     columns: tuple[ColumnState, ...]
@@ -340,7 +340,7 @@ class MeshMessage(Answer):
 
 
 class ColumnsMessage(Answer):
-    """New weights for the next `state`. After that `state`, the page may delete the weights that it does not use.
+    """New weights for the next `state`. After that, the page may delete weights that the `state` does not use.
 
     Array: `values` uint16 (C, V), weights times 65535; row i has the identifier `columns[i]`.
     """

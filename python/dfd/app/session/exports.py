@@ -26,7 +26,7 @@ LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`. Return its path, and a report if it is a rig or an animation.
+    """Write a file of the format `kind` into `folder`. Return its path, and the report if it is an animation or a rig.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 

@@ -73,7 +73,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the part at a vertex that is the next smaller or larger one than the handle's present region."""
+        """Return the part at a vertex that is next smaller or next larger than the handle's present region."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-# The usual duration of each stage of a distillation, in seconds (default settings, two CPU cores), in their order.
+# The stages of a distillation in order, and each stage's usual seconds with default settings on two CPU cores.
 USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
 INTERVAL = 0.1  # shortest time in seconds between two progress messages of a stage, except the last message
 

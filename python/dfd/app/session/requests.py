@@ -58,7 +58,7 @@ def probe(session: Session, vertex: Index) -> ArrayAnswer:
 
 
 def probed(deformer: Deformer, vertex: int) -> Float32:
-    """Return the weights of a new handle at a vertex, (V,). Counterparts are not searched for."""
+    """Return the weights of a new handle at a vertex, (V,), without a search for counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
     grip = bound.grips.grip(place) if rules.reach == "part" else None
     if grip is None:
@@ -259,7 +259,7 @@ def set_symmetry(
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set the preset, and the reach, falloff and counterparts of every handle to the preset's, as one step of undo."""
+    """Set the preset, and give its reach, falloff and counterparts to every handle. This is one step of undo."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 

@@ -49,7 +49,7 @@ class Session:
         self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
         self._progress: messages.ProgressMessage | None = None  # the last progress message of the running task
-        self._warnings: list[str] = []  # warnings of the reader of the shape
+        self._warnings: list[str] = []  # warnings from reading the file of the shape
         self.after = 0  # the `id` of the newest request
         self._names: dict[str, str] = {}  # original names of opened files, by path
         self._uploads: list[Path] = []  # folders of the open shape's uploads

@@ -37,7 +37,7 @@ class Editing:
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
         """Return the columns of each handle, and the values of the new columns, (V,) by identifier.
 
-        The page does not have the new columns, so the caller must send them: `sent` already contains them.
+        New columns are those that the page does not have. The caller must send them, because `sent` now contains them.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}

@@ -17,9 +17,9 @@ from dfd.app.session.session import Session
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 # Only the newest request of each of these types is answered, because older ones are for an old pointer or pose.
 NEWEST_ONLY = ("probe", "compute")
-REST_PAUSE = 0.2  # seconds without a request after which the session does deferred work
+REST_PAUSE = 0.2  # after this number of seconds without a request, the session does deferred work
 
-Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes its WebSocket with this code
+Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes the page's WebSocket with this code
 
 
 class Tab:

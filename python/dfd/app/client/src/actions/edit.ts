@@ -74,7 +74,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Call the newest `request` of a `key` once per `interval`; `merge` says whether it joins the previous undo step. */
+/** Call the newest `request` of a `key` once per `interval`, with true if it must join the previous undo step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -195,7 +195,7 @@ export function seenTransforms(): PoseTransform[] | null {
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Show the change `part` of a handle before the server confirms it. `request` is the `id` of the request for it. */
+/** Show a change of a handle before the server confirms the change. `request` is the `id` of the request with it. */
 export function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

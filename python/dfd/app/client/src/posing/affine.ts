@@ -22,7 +22,7 @@ export interface Transform {
   readonly axes: Frame | null;
   /** The bend of the part that the handle moves: the rotation vector of the part's tip, in degrees. */
   readonly bend: Vec3;
-  /** The twist of this part: the rotation of the tip about the part's axis, in degrees. */
+  /** The twist of that part: the rotation of the tip about the part's axis, in degrees. */
   readonly twist: number;
   /** The place of bend and twist on the part's axis, from 0 (base) to 1 (tip); null spreads both over the axis. */
   readonly joint: number | null;

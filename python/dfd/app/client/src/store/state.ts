@@ -62,7 +62,7 @@ export const CLOSED = {
   /** The server's pose, for blends that the shader does not support. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
-  /** Weights times 65535, (V), by the identifier `column` in `edit`. */
+  /** The weights of each column times 65535, (V). The keys are the identifiers `column` in `edit`. */
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
@@ -107,7 +107,7 @@ const INITIAL = {
   /** The radius of the brush, as a fraction of the shape's size. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** What the user wants to see, or the name of the view. Each wish of the user is a new object. */
+  /** What the user wants to see, or the name of a view. Each command of the user is a new object. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
   /** Whether only the part of the selected handle is shown. */

@@ -37,11 +37,11 @@ export class Shape {
   readonly radius: number;
   /** The resting position of each row, (R, 3), relative to the mesh's center. */
   readonly positions: Float32Array;
-  /** The vertex of each row, (R). */
+  /** The vertex of each row, (R). A vertex at a texture seam has several rows. */
   readonly vertexOf: Uint32Array;
   readonly geometry = new BufferGeometry();
   readonly faces: Faces;
-  /** Whether only surface is shown whose heat is at least 0.05. */
+  /** Whether surface is hidden if its heat, the weight in the heat map, is below 0.05. */
   isolated = false;
   private readonly pose: PoseTextures;
   readonly posed: PosePass;
