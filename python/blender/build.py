@@ -1,7 +1,7 @@
 """Build the extension: a ZIP file with its modules, the wheel of dfd, and wheels of the packages that dfd imports.
 
 Run `python python/blender/build.py FOLDER`. FOLDER contains the wheel of dfd, and the ZIP file is written there. The
-extension needs the platform and the Python version that built it. Blender 5.0 has Python 3.11.
+extension runs only on the platform and the Python version with which it was built. Blender 5.0 has Python 3.11.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-# Packages that dfd imports to read a field, bind handles and compute geodesic distances. Blender has NumPy.
+# Packages that dfd imports to read a field and compute weights and geodesic distances. Blender contains NumPy.
 NEEDED = ("nanobind-backend", "pillow", "safetensors", "scipy", "threadpoolctl", "trimesh")
 MANIFEST = "blender_manifest.toml"
 

@@ -12,11 +12,11 @@ import bpy
 from .operators import OfMesh
 from .vertex_groups import object_mode
 
-CHECK_INTERVAL = 0.5  # seconds between checks whether the process has ended
+CHECK_INTERVAL = 0.5  # seconds; how often the extension checks whether the process has ended
 
 
 class DFD_OT_distill(OfMesh, bpy.types.Operator):  # noqa: N801
-    """Distill a field of the mesh and write it to a file; Escape stops it"""
+    """Distill a field of the mesh and write the field to a file; Escape stops the distillation"""
 
     bl_idname = "dfd.distill"
     bl_label = "Distill a Field"

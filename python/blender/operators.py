@@ -20,12 +20,12 @@ class OfMesh:
 
 
 class Step(OfMesh):
-    """Base class of operators that change a mesh. Their `work` returns a report, or raises ValueError or OSError."""
+    """Base class of operators that change a mesh by their method `work`, which returns a report or raises an error."""
 
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Call `work` in object mode, and report its result or error."""
+        """Call `work` in object mode. Report the text that it returns, or its ValueError or OSError."""
         try:
             with object_mode(context.object):
                 told = self.work(context.object)

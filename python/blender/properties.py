@@ -41,7 +41,7 @@ def _reset(settings: ObjectSettings, context: bpy.types.Context) -> None:
 
 
 PROPERTIES: dict[str, Any] = {}  # Blender properties for the controls that change weights
-WORDS: dict[str, tuple[str, str]] = {}  # for each switch, such as "reach_part": its control, and the word that it sets
+WORDS: dict[str, tuple[str, str]] = {}  # for a switch such as "reach_part": the control, and the value that it sets
 for name, (kind, said) in about(Controls).items():
     default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _update}
     if said.affects != "weights":

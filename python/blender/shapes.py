@@ -1,4 +1,4 @@
-"""Compute the weights and the parts of a mesh from its field. Data that does not depend on handles is kept.
+"""Compute the weights and the parts of a mesh from its field. Data for all handles is computed only once.
 
 The module does not import bpy, torch or pydantic.
 """
@@ -19,18 +19,17 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # tolerance of `_box_difference`; simplification of a mesh changes its bounding box by less
+SAME_BOX = 1e-3  # results of `_box_difference` that differ by less are equal; simplification changes a box by less
 
 
 class Shape:
     """A mesh and the field that was distilled from it.
 
     `vertices` (V, 3) are in the object's own coordinates, and `field` is the path of a `.field.safetensors` file.
-    `axes` are the axes of the field: "SAME" are the object's axes, "Y_UP" are those of a glTF file, which Blender
-    rotates by 90 degrees during import. "AUTO" takes those of the two that fit the field's bounding box better.
+    `axes` are the axes of the field. "SAME" means the object's axes. "Y_UP" means the axes of a glTF file, which
+    Blender rotates by 90 degrees during import. "AUTO" selects the one that fits the field's bounding box better.
 
-    Raises ValueError if the field cannot be read, or belongs to another shape. Raises OSError if the file does not
-    exist.
+    Raises ValueError if the field is invalid or of another shape. Raises OSError if the file cannot be read.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, field: Path, axes: Axes) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .shapes import Shape
 
-_kept: dict[int, tuple[object, Shape]] = {}  # by the object's `session_uid`: inputs of a shape, and the shape
+_kept: dict[int, tuple[object, Shape]] = {}  # by the object's `session_uid`: the inputs of a shape, and the shape
 
 
 def forget() -> None:
@@ -46,7 +46,7 @@ def object_mode(obj: bpy.types.Object) -> Iterator[None]:
 def weigh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
     """Write the vertex group of a handle, in object mode.
 
-    Raises ValueError if no field is chosen, or it belongs to another shape. Raises OSError if the field cannot be read.
+    Raises ValueError if no field is chosen, or the field is invalid or of another shape, OSError if there is no file.
     """
     weights = _shape_of(obj).weights(handle.vertex, obj.dfd.preset, **handle.controls())
     group = obj.vertex_groups.get(handle.name) or obj.vertex_groups.new(name=handle.name)
@@ -59,7 +59,7 @@ def weigh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 def cut(obj: bpy.types.Object) -> int:
     """Write a vertex group for each part of the shape, in object mode, and return the number of parts.
 
-    Raises ValueError if no field is chosen, or it belongs to another shape. Raises OSError if the field cannot be read.
+    Raises ValueError if no field is chosen, or the field is invalid or of another shape, OSError if there is no file.
     """
     found = _shape_of(obj).parts()
     for number, vertices in enumerate(found, 1):

@@ -1,4 +1,4 @@
-"""Edit one shape in a browser tab: a Python server computes weights, and the page draws. See `dfd.app.protocol`."""
+"""Edit one shape in a browser tab. A Python server computes weights, and the page draws. See `dfd.app.protocol`."""
 
 from __future__ import annotations
 

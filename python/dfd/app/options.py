@@ -47,7 +47,7 @@ class SessionOptions(Opening):
     """Settings and files for new sessions. Without `mesh` and `deformer`, a session shows the start page."""
 
     preset: Preset = "default"  # the preset of new edits and of distillation
-    encoder: str = DEFAULT_ENCODER  # the name of an encoder, or its folder
+    encoder: str = DEFAULT_ENCODER  # the name or the folder of an encoder
     distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further arguments of `dfd.distill`
     deformer: Deformer | None = None  # the editing session of a notebook; all pages show it
 
@@ -74,7 +74,7 @@ def recorded_warnings() -> Iterator[list[UserWarning]]:
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
-    """Return the mesh of `source`, and the warnings that reading it gave. The warnings contain no path of this machine.
+    """Read the mesh of `source`. Return it with the warnings of the reader, which contain no path of this machine.
 
     Raises ValueError if no sample has the name `source`, and the exceptions of `dfd.load`.
     """

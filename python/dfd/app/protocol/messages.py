@@ -1,4 +1,4 @@
-"""The messages of the server, and the types that both these messages and the requests of the page contain."""
+"""The messages that the server sends, and the types of fields in these messages and in the requests of the page."""
 
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
@@ -18,7 +18,7 @@ from dfd.symmetry.plane import SymmetryPlane
 
 Index = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-# Ways to change the region of a handle. The last three hold the whole scene part, material or component at the handle.
+# Changes of a handle's region. The last three select the whole scene part, material or component at the handle.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
 
 
@@ -29,40 +29,40 @@ class Model(BaseModel):
 
 
 class Region(Model):
-    """A set of vertices. `mask` is base64. Each byte has the bits of eight vertices, the lowest bit first."""
+    """A set of vertices. `mask` is base64: bit b of byte i is 1 if vertex 8 i + b is in the set. Bit 0 is lowest."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-Place = Index | Region  # the number of a vertex, or a region
+Place = Index | Region  # the index of a vertex, or a region
 
-# Types of controls in requests (GIVEN) and in the state (SHOWN), if they differ from the control's type in an edit.
+# Controls whose types differ from the types in an edit: in requests (GIVEN) and in the state (SHOWN).
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
-    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex per counterpart
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # one vertex on each
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # if the reach is "part", the number with the most similar effect
+    "reach": float,  # the feature distance; if the reach is "part", a distance with a similar effect
     "mask": int,  # number of vertices in the mask; 0 without a mask
-    "excluded_counterparts": tuple[int, ...],  # a vertex on each excluded counterpart
+    "excluded_counterparts": tuple[int, ...],  # one vertex on each
 }
 
 
 def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Model]], type[Model]]:
-    """Return a decorator that adds a field for each control. `kinds` replaces types, and `optional` allows None."""
+    """Return a decorator that adds a field for each control. `kinds` replaces field types; `optional` allows None."""
     types = {name: kind for name, (kind, _) in about(controls.Controls).items()} | kinds
     fields: Any = {name: (kind | None, None) if optional else (kind, ...) for name, kind in types.items()}
     return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
 
 
 class Transform(Model):
-    """New values of a handle's transform: scale along `axes`, then rotation, then translation, about the pivot.
+    """New values of a handle's transform: it scales along `axes` and rotates, both about the pivot, then translates.
 
-    Null keeps the present value. `rotation` is a rotation vector in degrees. `axes` has one axis per row: "auto" gives
-    the mesh's own axes, and "normal" gives axes whose third is the surface normal at the handle. The pivot "auto" is
-    computed when the handle rotates or scales. Bend and twist act first, at the position `joint` on the held part's
-    axis. `bend` is a rotation vector, or the angle by which the tip rotates upwards. All angles are in degrees.
+    Null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
+    row: "auto" selects the axes of the mesh, and "normal" selects axes whose third is the surface normal at the handle.
+    The pivot "auto" is computed when the handle rotates or scales. Bend and twist act before the scale, at the position
+    `joint` (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip rotates upwards.
     """
 
     translation: Vector | None = None
@@ -77,7 +77,7 @@ class Transform(Model):
 
 @with_controls(GIVEN, optional=True)
 class Controls(Model):
-    """New values of the controls and the name of a handle. Null keeps the present value."""
+    """New values of a handle's name and controls. Null keeps the present value."""
 
     name: Text | None = None
 
@@ -111,7 +111,7 @@ KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
 class Answer(Model):
-    """The base class of all messages of the server. `id` is the `id` of the answered request; 0 if there is none."""
+    """The base class of all messages of the server. An answer has the `id` of its request; other messages have 0."""
 
     id: int = 0
 
@@ -124,7 +124,7 @@ class ControlEntry(Model):
     hint: str
     kind: Literal["number", "length", "choice", "switch"]
     choices: tuple[str, ...]  # words that the control accepts as values
-    slider: Vector | None  # lowest value, highest value, step; lengths are fractions of the box diagonal
+    slider: Vector | None  # lowest value, highest value, step; lengths are fractions of the bounding box's diagonal
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
@@ -160,10 +160,10 @@ class StartMessage(Answer):
 
 
 class ColumnState(Model):
-    """A column of weights, which belongs to a whole handle or to one of its counterparts."""
+    """A column of weights. It belongs to one counterpart, or to the handle and all its counterparts."""
 
-    column: int  # number of its weights in `ColumnsMessage`; columns with equal weights have equal numbers
-    frame: Frame  # rows of the matrix F that rotates or reflects the handle's motion, see `dfd.app.protocol`
+    column: int  # identifier of the weights in `ColumnsMessage`; equal weights have the same identifier
+    frame: Frame  # the matrix F by rows; F rotates or reflects the handle's motion, see `dfd.app.protocol`
     position: Vector  # resting position of the handle or the counterpart
 
 
@@ -177,7 +177,7 @@ class HandleState(PoseTransform):
     pivot: Vector  # center of rotation and scale
     pivot_set: bool  # whether the transform has a pivot; if not, `pivot` is `position`
     pivot_at: PivotAt | None  # name of the pivot; null if the pivot has no name
-    reach_by: Literal["number", "part"]  # whether the reach is "part"; `reach` is a number in both cases
+    reach_by: Literal["number", "part"]  # "part" if the reach is "part"; `reach` is a number in both cases
     mask_part: bool  # whether the mask is the handle's part
     region: int  # number of vertices in the handle's region; 0 for a point
     columns: tuple[ColumnState, ...]
@@ -194,7 +194,7 @@ class FixedState(Model):
 
 
 class FieldState(Model):
-    """The status of the shape's field, and its origin."""
+    """The status and the origin of the shape's field."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache" or "distilled"; null without a field
@@ -210,7 +210,7 @@ class StateMessage(Answer):
     fixed: tuple[FixedState, ...] = ()
     symmetry: SymmetryPlane | None = None
     planes: tuple[SymmetryPlane, ...] = ()  # the planes of symmetry that were found
-    default: PoseTransform | None = None  # D₀ with its pivot; its `handle` is 0
+    default: PoseTransform | None = None  # D₀ of Eq. 1, which moves the rest of the shape; `handle` is 0
     preset: Preset
     can_undo: bool = False
     can_redo: bool = False
@@ -265,15 +265,15 @@ class SuggestionsMessage(Answer):
 
 
 class SimilarPoint(Model):
-    """A counterpart of a handle."""
+    """The place of a handle, or of one of its counterparts."""
 
     vertex: int  # the vertex that identifies the counterpart in `excluded_counterparts`
     position: Vector
-    on: bool  # whether the counterpart moves with the handle
+    on: bool  # whether the surface there moves with the handle
 
 
 class SimilarMessage(Answer):
-    """Answer to `counterparts`. `places` begins with the handle's own place; the most similar counterpart is next."""
+    """Answer to `counterparts`. `places` has the handle, then its counterparts in order of decreasing similarity."""
 
     type: Literal["similar"] = "similar"
     handle: int
@@ -281,13 +281,13 @@ class SimilarMessage(Answer):
 
 
 class AxisMessage(Answer):
-    """Answer to `axis`: the possible pivots of a handle, and the axis along which its part bends."""
+    """Answer to `axis`: the possible pivots of a handle, and the axis along which the handle's part bends."""
 
     type: Literal["axis"] = "axis"
     handle: int
     pivots: tuple[PivotAt, ...]
-    auto: Vector  # the pivot that "auto" gives, on the resting shape
-    base: Vector | None  # start of the axis; null if the handle holds no part with an axis
+    auto: Vector  # position of the pivot "auto" on the resting shape
+    base: Vector | None  # start of the axis; null if the handle's part has no axis
     tip: Vector | None  # end of the axis
 
 
@@ -297,7 +297,7 @@ class DownloadMessage(Answer):
     type: Literal["download"] = "download"
     url: str
     name: str
-    said: str = ""  # how the exported shape differs from the shape on the page; empty if it does not
+    said: str = ""  # differences between the exported shape and the shape on the page; may be empty
 
 
 class MaterialEntry(Model):
@@ -320,11 +320,11 @@ class Group(Model):
 
 
 class MeshMessage(Answer):
-    """The resting shape in R rows. A row has one vertex, normal, uv and color; a vertex on a seam has several rows.
+    """The resting shape as R rows. A row is a vertex with a normal, uv and color; a vertex on a seam has several rows.
 
     Arrays: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), the row of each corner;
-    `vertex` uint32 (R,), the vertex of each row; `normals` int16 (R, 4), unit normals times 32767, then 0. Optional:
-    `uv` float32 (R, 2), v upwards; `colors` uint8 (R, 4), display-referred (sRGB); the image file of each texture.
+    `vertex` uint32 (R,), the vertex of each row; `normals` int16 (R, 4), unit normals times 32767 and a 0. Optional:
+    `uv` float32 (R, 2), v points up; `colors` uint8 (R, 4), display-referred (sRGB); the image file of each texture.
     """
 
     type: Literal["mesh"] = "mesh"
@@ -336,13 +336,13 @@ class MeshMessage(Answer):
     diagonal: float
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
-    warnings: tuple[str, ...]  # warnings that reading the file gave, as sentences
+    warnings: tuple[str, ...]  # problems that were found while the file was read, as sentences
 
 
 class ColumnsMessage(Answer):
-    """The columns of the next `state` that the page lacks. The page may delete columns that are not in that `state`.
+    """New weights for the next `state`. After that, the page may delete weights that the `state` does not use.
 
-    Array: `values` uint16 (C, V), weights times 65535, one row for each number in `columns`.
+    Array: `values` uint16 (C, V), weights times 65535; row i has the identifier `columns[i]`.
     """
 
     type: Literal["columns"] = "columns"
@@ -357,7 +357,7 @@ class HeatMessage(Answer):
 
 
 class PositionsMessage(Answer):
-    """Answer to `compute`. Arrays: `positions` float32 (V, 3), relative to the center; `normals` int16 (V, 4)."""
+    """Answer to `compute`. Arrays: `positions` float32 (V, 3), relative to the center, and `normals` int16 (V, 4)."""
 
     type: Literal["positions"] = "positions"
 
@@ -369,6 +369,6 @@ class ColorsMessage(Answer):
 
 
 def pack(message: Answer, **arrays: NDArray[Any]) -> bytes:
-    """Return a message with arrays as bytes; see `dfd.app.protocol`."""
+    """Return a message and its arrays as the bytes of a safetensors file; see `dfd.app.protocol`."""
     whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     return save(whole, {"message": message.model_dump_json()})

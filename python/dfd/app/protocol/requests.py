@@ -1,4 +1,4 @@
-"""The requests of the page. The fields of a request are the parameters of the function that handles it."""
+"""The requests of the page. The fields of a request are the parameters of its handler, a registered function."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -23,7 +23,7 @@ class Request(Model):
 
 
 class RequestError(ValueError):
-    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 if the text has no `id`."""
+    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 without a valid `id`."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"The message was not understood: {reason}")
@@ -35,7 +35,7 @@ MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
-    """Register `handler` for requests of its name. Its parameters after the session are the fields."""
+    """Register `handler` for requests whose `type` is its name. Its parameters after the session are the fields."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {
@@ -59,7 +59,7 @@ def _adapter() -> TypeAdapter[Request]:
 
 
 def read_request(text: str) -> Request:
-    """Return the request in a text of the page; raise RequestError if the text is not a valid request."""
+    """Return the request that a text from the page contains; raise RequestError if the request is not valid."""
     try:
         return _adapter().validate_json(text)
     except ValidationError as error:
@@ -69,7 +69,7 @@ def read_request(text: str) -> Request:
 
 
 def _number_in(text: str) -> int:
-    """Return the `id` in a text that is not a valid request, or 0 if the text has no `id`."""
+    """Return the `id` in a text that is not a valid request, or 0 if the text has no valid `id`."""
     try:
         number = json.loads(text)["id"]
     except (ValueError, TypeError, KeyError, RecursionError):

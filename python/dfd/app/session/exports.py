@@ -26,11 +26,11 @@ LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`. Return its path, and a report for rigs and animations (else "").
+    """Write a file of the format `kind` into `folder`. Return its path, and the report if it is an animation or a rig.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 
-    Raises ValueError if an animation has fewer than two poses or two poses at one time, or if a rig has no handle.
+    Raises ValueError if an animation has fewer than two poses or poses at equal times, or if a rig has no handle.
     Raises OSError if the file cannot be written.
     """
     path, report = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
@@ -56,7 +56,7 @@ def file_stem(name: str) -> str:
 
 
 def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
-    """Write an animated skin, or morph targets if a part bends or the skin fails. Return the report of the export."""
+    """Write an animated skin. If a part bends or a skin is impossible, write morph targets. Return the report."""
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
     existing = {handle.id for handle in deformer.handles}

@@ -1,4 +1,4 @@
-"""Find the parts of a shape that handles can hold. A part can also be the mask that limits a handle."""
+"""Find the parts of a shape that a handle can move. The mask that limits a handle can also be a part."""
 
 from functools import cached_property
 from typing import Any
@@ -15,15 +15,15 @@ from dfd.geometry.coarse import nodes_of
 from dfd.segmentation.parts import Level
 
 LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
-MOST_KEPT = 64  # largest number of parts in the cache; each is a set of vertices
+MOST_KEPT = 64  # largest number of parts in the cache
 
 
 class ShapeParts:
-    """Find the parts of one shape, and cache those that were used last."""
+    """Find the parts of one shape, and cache the parts that were used last."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self.ready = False  # whether the data that all parts need has been computed
+        self.ready = False  # whether the background work that all parts need is done
         self._found: Recent[VertexSet] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
@@ -35,7 +35,7 @@ class ShapeParts:
 
     @cached_property
     def _labels(self) -> dict[PartChange, NDArray[np.integer[Any]]]:
-        """Return the numbers (F,) of the scene part, the material and the connected component of each face."""
+        """Return the indices of each face's scene part, material and connected component, as three arrays (F,)."""
         mesh, nodes = self._mesh, nodes_of(self._mesh)
         scene_part = np.zeros(len(mesh.faces), np.int64)
         for number, part in enumerate(mesh.parts):
@@ -59,11 +59,11 @@ class ShapeParts:
         mesh = self._mesh
         if how in ("add", "remove"):
             if vertex is None:
-                raise ValueError(f"To {how} a part, say at which vertex it is")
+                raise ValueError(f"To {how} a part, give a vertex of the part")
             own, part = members(mesh, self.of(handle)), self.at(vertex).indices
             chosen = np.union1d(own, part) if how == "add" else np.setdiff1d(own, part)
             if len(chosen) == 0:
-                raise ValueError("The handle would hold nothing: remove the handle instead")
+                raise ValueError("The handle would move nothing: remove the handle instead")
             return VertexSet.of(mesh, chosen)
         region, origin = handle.place.region, self._deformer.bound.rows.anchor(handle.place)
         if isinstance(region, VertexSet):
@@ -73,7 +73,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the next smaller or next larger part at a vertex, compared with the handle's present region."""
+        """Return the part at a vertex that is next smaller or next larger than the handle's present region."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region
@@ -93,13 +93,13 @@ class ShapeParts:
         return VertexSet.of(self._mesh, np.unique(faces[label == label[on[0]]]))
 
     def of(self, handle: Handle) -> VertexSet:
-        """Return the region of a handle, or the part at the handle if it is a point."""
+        """Return the handle's region if it is a set of vertices, otherwise the part at the handle."""
         if isinstance(handle.place.region, VertexSet):
             return handle.place.region
         return self.at(self._deformer.bound.rows.anchor(handle.place))
 
     def limits(self, handle: Handle) -> bool:
-        """Return whether the handle's mask is the part that the handle holds."""
+        """Return whether the handle's mask is the handle's region or part."""
         mask = handle.controls.mask
         if not isinstance(mask, VertexSet):
             return False

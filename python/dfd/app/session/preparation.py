@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-# The stages of a distillation in order, and their usual duration in seconds (default settings, two CPU cores).
+# The stages of a distillation in order, and each stage's usual seconds with default settings on two CPU cores.
 USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
-INTERVAL = 0.1  # seconds; shortest time between two progress messages of a stage, except the last message
+INTERVAL = 0.1  # shortest time in seconds between two progress messages of a stage, except the last message
 
 
 @dataclass
@@ -38,14 +38,14 @@ class SharedShape:
     parts: Parts | None = None
 
 
-_SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the hashes of mesh and field
-_DISTILLING = threading.Lock()  # held while one distillation runs, because two at once are no faster
+_SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the hashes of the mesh and the field
+_DISTILLING = threading.Lock()  # locked while a distillation runs: two at the same time are not faster
 
 
 class Preparation:
     """The background work for the shape of a session. `source` is the file or the sample that contains the shape.
 
-    Methods of the session receive progress and results. They are called on the session's thread.
+    Progress and results are passed to methods of the session, which are called on the session's thread.
     """
 
     def __init__(self, session: Any, mesh: Mesh, source: Source) -> None:
@@ -55,7 +55,7 @@ class Preparation:
         self._stopped = threading.Event()
         self._process: BaseProcess | None = None
         self._shared: SharedShape | None = None
-        self._last_progress: tuple[str, float] = "", 0.0  # the stage and the time of the last progress
+        self._last_progress: tuple[str, float] = "", 0.0  # the stage and the time of the last progress message
 
     def start(self, task: str, work: Callable[..., None], *arguments: Any) -> None:
         """Call `work`, one of the methods below, on a new thread. If `work` fails, the session gets the exception."""
@@ -140,7 +140,7 @@ class Preparation:
             self.open(path, "distilled")
 
     def open(self, path: Path, origin: str) -> None:
-        """Open the field in a file, and compute the data for the first handle."""
+        """Open the field in the file `path`, and compute the data for the first handle."""
         self._progress("prepare", "load", 0, None)
         from dfd.editing.deformer import Deformer
         from dfd.editing.influence.handle_features import HandleFeatures
@@ -200,7 +200,7 @@ def distill_apart(
     """Distill a shape in a new process, and save its field at `path`. If that process crashes, the server continues.
 
     `settings` are the arguments of `dfd.distill`. `tell` is called with the name of a stage, the number of finished
-    items and their total. `started` is called with the process, so that the caller can kill it.
+    items and the number of all items. `started` is called with the process, so that the caller can kill it.
 
     Raises ValueError if the distillation failed or was stopped.
     """

@@ -53,12 +53,12 @@ def answer(session: Session, message: Request) -> None:
 
 @request
 def probe(session: Session, vertex: Index) -> ArrayAnswer:
-    """Approximate the weights of a new handle at a vertex. Only the newest request is answered. Answer: `heat`."""
+    """Approximate the weights of a new handle at a vertex. Only the newest `probe` is answered. Answer: `heat`."""
     return _heat(probed(session.deformer, vertex), vertex)
 
 
 def probed(deformer: Deformer, vertex: int) -> Float32:
-    """Return the weights (V,) of a new handle at a vertex, without the search for its counterparts."""
+    """Return the weights of a new handle at a vertex, (V,), without a search for counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
     grip = bound.grips.grip(place) if rules.reach == "part" else None
     if grip is None:
@@ -75,9 +75,9 @@ def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
-    """Pose the shape. `transforms` replace the transforms of handles; null poses the present edit.
+    """Pose the shape by the edit. `transforms` replace the transforms of the handles that they name.
 
-    Answer: `positions`. Only the newest request is answered.
+    Answer: `positions`. Only the newest `compute` is answered.
     """
     with _tried(session.deformer, transforms):
         posed, mesh = session.deformer.vertices, session.deformer.mesh
@@ -105,7 +105,7 @@ def suggest(session: Session) -> messages.Answer:
 
 @request
 def counterparts(session: Session, handle: int) -> messages.Answer:
-    """Find the counterparts of a handle, and whether each moves with it. Answer: `similar`."""
+    """Find the counterparts of a handle, and whether each counterpart moves. Answer: `similar`."""
     places = (
         messages.SimilarPoint(vertex=int(each.vertex), position=vector("position", each.position), on=on)
         for each, on in session.deformer.counterparts(handle)
@@ -115,7 +115,7 @@ def counterparts(session: Session, handle: int) -> messages.Answer:
 
 @request
 def axis(session: Session, handle: int) -> messages.Answer:
-    """Find the possible pivots of a handle, and the axis along which its part bends. Answer: `axis`."""
+    """Find the possible pivots of a handle, and the axis along which the handle's part bends. Answer: `axis`."""
     edit = session.deformer.edit
     held = edit.handle(handle)
     part = next(iter(session.deformer.bound.held_parts(edit, held)), None)
@@ -139,7 +139,7 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Change the region of a handle, and its mask if the mask is its part. "add" and "remove" need `vertex`.
+    """Change the region of a handle, and also the mask if it is the handle's part. "add" and "remove" need `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
@@ -167,8 +167,8 @@ def move(
 ) -> None:
     """Set values of a handle's transform, relative to the resting shape.
 
-    A drag is one `move` without `merge`, then several with `merge`; together they are one step of undo. After a `move`
-    with `merge`, the server sends `state` only if `controls` change, or with `settle`, as in the last `move` of a drag.
+    Each `move` of a drag except the first has `merge`, so the drag is one step of undo. After a `move` with `merge`,
+    the server sends `state` only if `controls` change or `settle` is true. The last `move` of a drag has `settle`.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
@@ -225,7 +225,7 @@ def fix(session: Session, at: Place) -> None:
 
 @request
 def release(session: Session, index: Index) -> None:
-    """Release the fixed point or region with the number `index` in `state`."""
+    """Release the fixed point or region `fixed[index]` of `state`."""
     session.change(lambda deformer: deformer.release(_fixed(session, index).place))
 
 
@@ -233,7 +233,7 @@ def release(session: Session, index: Index) -> None:
 def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
-    """Set the strength of the fixed point or region `index`. With `merge`, successive changes are one step of undo."""
+    """Set the strength of `fixed[index]` in `state`. With `merge`, successive changes are one step of undo."""
     changed = _fixed(session, index)
     after = tuple(replace(each, strength=strength) if each is changed else each for each in session.deformer.fixed)
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
@@ -259,13 +259,13 @@ def set_symmetry(
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set the preset, and its values of reach, falloff and counterparts for every handle, as one step of undo."""
+    """Set the preset, and give its reach, falloff and counterparts to every handle. This is one step of undo."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
-    """Replace D₀, which moves vertices without weights. Null is the identity's value. `merge` as in `set_symmetry`."""
+    """Replace D₀, which moves the rest of the shape. A null gets the identity's value. `merge` as in `set_symmetry`."""
     parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
@@ -286,7 +286,7 @@ def redo(session: Session) -> None:
 
 @request
 def clear(session: Session) -> None:
-    """Remove all handles and fixed places, as one step of undo. The plane of symmetry stays."""
+    """Remove all handles, fixed points and fixed regions, as one step of undo. The plane of symmetry stays."""
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
 
 
@@ -298,8 +298,8 @@ def export(
 ) -> messages.Answer:
     """Write a file for download. Answer: `download`.
 
-    `transforms` replace the transforms of the edit if the page shows another pose. The formats "rig", "morph" and
-    "animation" are GLB files: with joints, with morph targets, and with an animation of the key poses.
+    `transforms` is the pose on the page if this pose differs from the edit. Three formats are GLB files with motion:
+    "rig" has joints, "morph" has morph targets, and "animation" has an animation of the key poses.
     """
     deformer, number = session.deformer, secrets.token_hex(16)
     folder = session.folder / number
@@ -320,7 +320,7 @@ class _TakenBackError(Exception):
 
 @contextmanager
 def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[None]:
-    """Set `transforms` of handles inside the `with` block. When the block ends, discard all its changes."""
+    """Set `transforms` of handles inside the `with` block. When the block ends, discard these and all other changes."""
     with suppress(_TakenBackError), deformer.step():
         _move_all(deformer, transforms or ())
         yield

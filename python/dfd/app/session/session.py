@@ -49,11 +49,11 @@ class Session:
         self.folder, self.options, self._send, self.post = folder, options, send, post
         self._preparation: Preparation | None = None
         self._progress: messages.ProgressMessage | None = None  # the last progress message of the running task
-        self._warnings: list[str] = []  # warnings that reading the shape gave
+        self._warnings: list[str] = []  # warnings from reading the file of the shape
         self.after = 0  # the `id` of the newest request
         self._names: dict[str, str] = {}  # original names of opened files, by path
         self._uploads: list[Path] = []  # folders of the open shape's uploads
-        self.exports: dict[str, Path] = {}  # files to download, by the number in their URL
+        self.exports: dict[str, Path] = {}  # files to download, by the random name in their URLs
         self._pending_edit: Path | None = None  # an edit file that is applied when the field is ready
         self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
@@ -74,7 +74,7 @@ class Session:
                 self.attach()
 
     def open(self, given: Opening) -> None:
-        """Open a mesh, a field and an edit, each optional. Without a mesh, the others belong to the mesh that is open.
+        """Open the files in `given`. Without a mesh, the field and the edit belong to the mesh that is already open.
 
         Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
@@ -117,7 +117,7 @@ class Session:
             self._preparation.start("prepare", self._preparation.find)
 
     def _open_edit(self, path: Path) -> None:
-        """Apply the edit in a file as one step, once the field is ready."""
+        """Apply the edit in a file as one step of undo, once the field is ready."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
         if self.editing is None:
@@ -166,7 +166,7 @@ class Session:
     def tell_progress(
         self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
     ) -> None:
-        """Send the progress of a task, which ends with the stage "done", "cancelled" or "failed"."""
+        """Send the progress of a task. The last stage of a task is "done", "cancelled" or "failed"."""
         ended, status = stage in ("done", "cancelled", "failed"), STATUS.get(task, self.field.status)
         if not ended and self.field.status != status:
             self._tell_field(status)
@@ -197,7 +197,7 @@ class Session:
         self.tell_state()
 
     def field_ended(self, task: str, error: Exception | None) -> None:
-        """Report that a task failed or was stopped, and gave no field. An existing field stays in use."""
+        """Report that a task failed or was stopped before it gave a field. An existing field stays in use."""
         self.tell_progress(task, "cancelled" if error is None else "failed")
         if error is not None:
             self.fail(0, error)
@@ -218,14 +218,14 @@ class Session:
             self.send(self._progress)
 
     def guarded(self, number: int, work: Work) -> None:
-        """Call `work`. If it raises an exception, send that as the `failure` of request `number`."""
+        """Call `work`. If it raises an exception, send a `failure` for the request with the `id` `number`."""
         try:
             work()
         except Exception as error:
             self.fail(number, error)
 
     def fail(self, number: int, error: Exception) -> None:
-        """Send the failure of request `number`, without paths of this machine; log unexpected exceptions."""
+        """Send a `failure` with the `id` `number`, without paths of this machine; log unexpected exceptions."""
         if out_of_memory(error):
             why = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
         elif isinstance(error, (ValueError, OSError, UserWarning)):
@@ -254,7 +254,7 @@ class Session:
     def change(self, work: Callable[[Deformer], object], topic: Hashable = None, *, merge: bool = False) -> None:
         """Change the edit and send the result to the page; if anything fails, the edit is unchanged.
 
-        With `merge`, the change joins the newest step if that step has the same `topic`.
+        With `merge`, the change becomes part of the newest undo step if that step has the same `topic`.
         """
         with self.deformer.step(topic, merge=merge):
             work(self.deformer)
@@ -269,7 +269,7 @@ class Session:
         self.tell_state()
 
     def run_deferred(self) -> None:
-        """Send the state if Python code has changed the edit, and the report of a new edit. Called between requests."""
+        """Send the state if Python code changed the edit. Send the report of a new edit. Called between requests."""
         editing = self.editing
         if editing is None:
             return
@@ -285,7 +285,7 @@ class Session:
         self._send(messages.pack(message, **arrays) if arrays else message.model_dump_json())
 
     def tell_state(self) -> None:
-        """Send the columns that the page lacks, then the present state."""
+        """Send the weights that the page does not have yet, then the present state."""
         if self.mesh is None:
             return
         common: Any = {"field": self.field, "poses": self.poses, "after": self.after}

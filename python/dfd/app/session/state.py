@@ -1,4 +1,4 @@
-"""Collect what the page shows of a shape with a field: its handles, and the columns of weights that pose it."""
+"""Collect the data that the page shows of a shape with a field: handles, and the columns of weights that move it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from dfd.editing.influence.regions import Region, members
 from dfd.symmetry.plane import SymmetryPlane
 
 UINT16_MAX = 65535  # the quantized weight that stands for 1
-LARGEST = 1e30  # largest number of a transform, because shaders multiply it by coordinates in 32-bit floats
+LARGEST = 1e30  # largest entry of a transform's matrix; shaders multiply the matrix by coordinates in 32-bit floats
 
 ColumnStates = tuple[messages.ColumnState, ...]
 
@@ -31,13 +31,13 @@ class Editing:
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
-        self.sent: dict[bytes, int] = {}  # the number of each column that the page has, by the hash of its values
+        self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the values
         self._count = 0  # number of columns that have been sent
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
-        """Return the columns of each handle, and the values (V,) of new columns by their numbers.
+        """Return the columns of each handle, and the values of the new columns, (V,) by identifier.
 
-        The page lacks the new columns, so the caller must send them. Then the page has exactly the columns of the edit.
+        New columns are those that the page does not have. The caller must send them, because `sent` now contains them.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
@@ -45,18 +45,18 @@ class Editing:
         self.sent = {}
         for values, column in zip(quantized(weights.T), columns, strict=True):
             key = sha256(values.tobytes()).digest()
-            number = self.sent.get(key) or before.get(key)
-            if number is None:
-                self._count = number = self._count + 1
-                new[number] = values
-            self.sent[key] = number
+            identifier = self.sent.get(key) or before.get(key)
+            if identifier is None:
+                self._count = identifier = self._count + 1
+                new[identifier] = values
+            self.sent[key] = identifier
             frame: Any = tuple(map(tuple, column.counterpart.frame.tolist()))
-            state = messages.ColumnState(column=number, frame=frame, position=column.counterpart.position)
+            state = messages.ColumnState(column=identifier, frame=frame, position=column.counterpart.position)
             states[column.handle] += (state,)
         return states, new
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
-        """Return the state. `columns` has the columns of each handle, and `common` the entries that need no handles."""
+        """Return the state. `columns` has the columns of each handle, and `common` has other fields of the state."""
         deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
         motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
         pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot

@@ -63,7 +63,7 @@ def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[Mes
 
 
 def centered(mesh: Mesh, positions: Float64) -> NDArray[np.float32]:
-    """Return positions (N, 3) relative to the center of the mesh's box; float32 is more precise near 0."""
+    """Return positions (N, 3) relative to the center of the bounding box, because float32 is more precise near 0."""
     return (positions - box_center(mesh)).astype(np.float32)
 
 
@@ -73,10 +73,10 @@ def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
 
 
 def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
-    """Return unit normals (N, 3) of the `used` rows: those of the file, which keep sharp edges, else smooth normals."""
+    """Return unit normals of the `used` rows, (N, 3): normals of the file if they are valid, else smooth normals."""
     normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
-    if scene is None or len(vertex) != len(scene.vertex):  # face colors have split the file's rows
+    if scene is None or len(vertex) != len(scene.vertex):  # with face colors, each face corner has its own row
         return normals
     of_file = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:

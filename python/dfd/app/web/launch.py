@@ -1,4 +1,4 @@
-"""Start and stop the app's server, whose address contains a secret token, and delete its files when it ends."""
+"""Start and stop the app's server. Its address contains a secret token, and its files are deleted when it ends."""
 
 import html
 import signal
@@ -20,7 +20,7 @@ DEFAULT_PORT = 8765
 
 
 class RunningApp:
-    """A server of the app. `start` serves on a new thread, and `run` on the present one. Port 0 is any free port.
+    """A server of the app. `start` serves on a new thread, and `run` on the current thread. Port 0 is any free port.
 
     Web pages of the origins `frame_ancestors` may show the app in a frame.
 

@@ -1,8 +1,8 @@
 """Access control: only the page that the user opened may send requests.
 
-A page of another site can make a browser send requests here and, by DNS rebinding, even read the answers. So a request
-needs a Host header that names this server, an Origin header of this server (optional for GET), and a cookie. The server
-sets the cookie only if the address contains the secret token.
+A page of another site can make a browser send requests to this server and, by DNS rebinding, read the answers. So a
+request needs a Host header that names this server, an Origin header of this server (optional for GET), and a cookie.
+The server sets the cookie only if the address contains the secret token.
 """
 
 import hmac

@@ -31,7 +31,7 @@ from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest message of a page
 UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
-MOST_UNATTENDED = 8  # most sessions without a page; if there are more, the session whose page left first ends
+MOST_UNATTENDED = 8  # largest number of sessions without a page; above it, the session whose page left first ends
 
 
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
@@ -141,7 +141,7 @@ class Sessions:
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages in `outbox` to the page. A number in it is a code, with which the connection is closed."""
+    """Send the messages in `outbox` to the page. A number in `outbox` is a code; close the connection with it."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))

@@ -15,11 +15,11 @@ from dfd.app.session.requests import answer
 from dfd.app.session.session import Session
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
-# Only the newest of these requests is answered, because the pointer or the shape has changed since older requests.
+# Only the newest request of each of these types is answered, because older ones are for an old pointer or pose.
 NEWEST_ONLY = ("probe", "compute")
-REST_PAUSE = 0.2  # seconds without a request after which the session does deferred work
+REST_PAUSE = 0.2  # after this number of seconds without a request, the session does deferred work
 
-Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes its WebSocket with this code
+Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes the page's WebSocket with this code
 
 
 class Tab:
@@ -77,7 +77,7 @@ class Tab:
             self._events.call_soon_threadsafe(self.tell, message)
 
     def tell(self, message: str | bytes | int) -> None:
-        """Send a message, or close the connection with a code, if a page shows the session."""
+        """Send a message to the page, or close the connection with a code. Without a page, do nothing."""
         if self.outbox is not None:
             self.outbox.put_nowait(message)
 

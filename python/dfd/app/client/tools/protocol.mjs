@@ -1,16 +1,16 @@
-// `npm run protocol` writes src/protocol/messages.ts, the types of all messages, from the server's JSON Schema. It runs
-// a Python in which dfd must be installed: DFD_PYTHON if set, else that of .venv in the repository, else `python3`.
+// `npm run protocol` writes src/protocol/messages.ts, the types of all messages, from the server's JSON Schema. The
+// schema comes from a Python with dfd: DFD_PYTHON if set, otherwise that of .venv in the repository, or `python3`.
 import { execFileSync } from "node:child_process";
 import { existsSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
 const place = (path) => fileURLToPath(new URL(path, import.meta.url));
-const repository = place("../../../../../.venv/bin/python");
-const python = process.env.DFD_PYTHON ?? (existsSync(repository) ? repository : "python3");
+const installed = place("../../../../../.venv/bin/python");
+const python = process.env.DFD_PYTHON ?? (existsSync(installed) ? installed : "python3");
 const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
-/** Return a schema without titles of keys, which would become types. Tuples use `items`, as in older drafts. */
+/** Return a schema without titles of properties, each of which would become a type. `prefixItems` becomes `items`. */
 function simplified(node, keepTitle = false) {
   if (Array.isArray(node)) return node.map((entry) => simplified(entry));
   if (node === null || typeof node !== "object") return node;

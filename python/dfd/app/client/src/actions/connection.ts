@@ -15,7 +15,7 @@ const DISMISSALS: Record<number, string> = {
 
 const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;
-/** Number of unsent bytes above which sliders and drags wait. */
+/** If more bytes than this number are unsent, sliders and drags wait before they send. */
 const CONGESTED = 16_384;
 
 let socket: WebSocket | null = null;
@@ -23,7 +23,7 @@ let receive: (received: Received) => void = () => undefined;
 let next = 1;
 let wait = FIRST_WAIT;
 let timer = 0;
-/** Unanswered requests by number. A failed request resolves to null; if it is `quiet`, the failure is not shown. */
+/** Unanswered requests by `id`. A failed request resolves to null. The failure of a `quiet` request is not shown. */
 const waiting = new Map<number, { readonly resolve: (received: Received | null) => void; readonly quiet: boolean }>();
 
 export function start(receiver: (received: Received) => void): void {
@@ -39,7 +39,7 @@ export function start(receiver: (received: Received) => void): void {
   document.addEventListener("visibilitychange", reconnect);
 }
 
-/** Send a request; return its number, or 0 without a connection. */
+/** Send a request; return its `id`, or 0 without a connection. */
 export function send(request: Request): number {
   if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
@@ -47,7 +47,7 @@ export function send(request: Request): number {
   return id;
 }
 
-/** Send a request and return its answer; null if it fails or the connection is lost. */
+/** Send a request and return its answer; null if the request fails or the connection is lost. */
 export function ask(request: Request, quiet = false): Promise<Received | null> {
   const id = send(request);
   return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
@@ -57,7 +57,7 @@ export function congested(): boolean {
   return (socket?.bufferedAmount ?? 0) > CONGESTED;
 }
 
-/** Close the connection. Tests call this to see whether the page reconnects. */
+/** Close the connection. Tests use this function to see whether the page reconnects. */
 export function drop(): void {
   socket?.close();
 }

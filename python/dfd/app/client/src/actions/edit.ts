@@ -1,4 +1,4 @@
-/** Actions of the user that change the shape, except those that only send one request. */
+/** Actions of the user that change the shape, except actions that only send one request. */
 
 import { MathUtils } from "three";
 
@@ -26,7 +26,7 @@ export function toggleFixed(vertex: number): void {
   else send({ type: "fix", at: vertex });
 }
 
-/** Let the selected handle hold another part, or add or remove the part at a vertex. */
+/** Change the part of the selected handle. "add" and "remove" add or remove the part at `vertex`. */
 export async function changePart(how: PartChange, vertex: number | null = null): Promise<void> {
   const { edit, selected } = store.get();
   if (selected === null) return;
@@ -74,7 +74,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Call the newest `request` of each `key` at intervals, with `merge` if it must join the previous undo step. */
+/** Call the newest `request` of a `key` once per `interval`, with true if it must join the previous undo step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -156,7 +156,7 @@ export function change(handle: number, controls: Controls): void {
   showAhead(handle, falloff ? { falloff } : {}, send({ type: "change", handle, controls }));
 }
 
-/** Set some values of the selected handle's transform, which the user typed. */
+/** Set the values that the user typed in the selected handle's transform. */
 export function setMotion(part: Partial<Transform>): void {
   const state = store.get();
   const known = selectedHandle(state);
@@ -165,12 +165,12 @@ export function setMotion(part: Partial<Transform>): void {
   showAhead(known.handle, { transform }, move(known.handle, message(known.handle, transform)));
 }
 
-/** Set some values of a transform. The server replaces names, for example that of a pivot, by numbers. */
+/** Set some values of a transform. The server replaces names, such as the pivot "base", by numbers. */
 export function move(handle: number, transform: Move["transform"]): number {
   return send({ type: "move", handle, transform, settle: true });
 }
 
-/** Convert a transform for a request. The pivot is null if the server already has it. */
+/** Convert a transform for a request. The pivot is null if the server already has this pivot. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
   const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
@@ -182,7 +182,7 @@ function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Trans
   };
 }
 
-/** Convert a transform to a part of a key pose. */
+/** Convert a handle and its transform to an entry of a key pose. */
 export function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
   const { translation, rotation, scale, pivot, axes, bend, twist, joint } = transform;
   return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
@@ -195,7 +195,7 @@ export function seenTransforms(): PoseTransform[] | null {
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Show a change of a handle before the server confirms it. `request` is the number of the request with the change. */
+/** Show a change of a handle before the server confirms the change. `request` is the `id` of the request with it. */
 export function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

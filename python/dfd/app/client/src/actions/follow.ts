@@ -26,7 +26,7 @@ export function follow(): void {
     (state) => state.look === "features" && ready(state) && state.mesh,
     (wanted) => wanted && send({ type: "features" }),
   );
-  // If the shader does not support the pose, request it after every change. During a drag, `sendDrag` requests it.
+  // If the shader does not support the pose, ask the server for it after every change. During a drag, `sendDrag` asks.
   store.watch(serverPoses, (on) => {
     if (!on) store.set({ posed: null });
   });

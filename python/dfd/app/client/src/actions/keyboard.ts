@@ -8,14 +8,14 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** The keys as the help shows them, their group, label and action, and whether they also work on the start page. */
+/** The keys as the help shows them, and their action `run`. With `everywhere`, they also work on the start page. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
 const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
 
-/** Leave the help, or else the tool or mode in use. If there is none, clear the selection. */
+/** Close the help if it is open. Otherwise, leave the tool or mode in use; if there is none, clear the selection. */
 function escape(): void {
   const { help, tool, painted, moment, isolated, suggestions } = store.get();
   if (help) store.set({ help: false });
@@ -61,8 +61,8 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["D", "Handle", "Bend", set({ gizmo: "bend", tool: "hold" })],
   ["L", "Handle", "Local or world axes", () => toggle("local")],
   ["S", "Handle", "Snap", () => toggle("snap")],
-  ["]", "Handle", "Hold a larger part", () => edit.changePart("larger")],
-  ["[", "Handle", "Hold a smaller part", () => edit.changePart("smaller")],
+  ["]", "Handle", "Give the handle a larger part", () => edit.changePart("larger")],
+  ["[", "Handle", "Give the handle a smaller part", () => edit.changePart("smaller")],
   ["N", "Handle", "Next handle", () => cycle(1)],
   ["Shift N", "Handle", "Previous handle", () => cycle(-1)],
   ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
@@ -78,8 +78,8 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["C", "View", "Compare with the original", () => ready(store.get()) && toggle("comparing")],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
   ["V", "View", "X-ray", () => toggle("xray")],
-  ["/", "View", "Show only the held part", () => toggle("isolated")],
-  ["F", "View", "Frame the held part", look("selection")],
+  ["/", "View", "Show only the handle's part", () => toggle("isolated")],
+  ["F", "View", "Frame the handle's part", look("selection")],
   ["Shift F", "View", "Frame the shape", look("shape")],
   ["Num 1", "View", "From the front", look("front")],
   ["Num 3", "View", "From the right", look("right")],
@@ -108,7 +108,7 @@ function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): strin
   const name = /^Numpad\d$/.test(code)
     ? code.replace("Numpad", "Num ")
     : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
-  // Whether "?" needs Shift depends on the keyboard layout.
+  // Some keyboard layouts need Shift for "?" or "/", so Shift is ignored for these keys.
   return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
 }
 

@@ -98,9 +98,9 @@ function withEdit(message: StateMessage): Partial<State> {
   };
 }
 
-/** Return all known columns, with new ones: row i of `rows` (C, V) has the weights of column `numbers[i]`. */
-function withColumns(numbers: readonly number[], rows: Uint16Array): Map<number, Uint16Array> {
-  const size = rows.length / numbers.length;
-  const added = numbers.map((number, i) => [number, rows.subarray(i * size, (i + 1) * size)] as const);
+/** Return the known columns and the new ones. Row i of `rows` (C, V) has the weights of the column `ids[i]`. */
+function withColumns(ids: readonly number[], rows: Uint16Array): Map<number, Uint16Array> {
+  const size = rows.length / ids.length;
+  const added = ids.map((id, i) => [id, rows.subarray(i * size, (i + 1) * size)] as const);
   return new Map([...store.get().columns, ...added]);
 }

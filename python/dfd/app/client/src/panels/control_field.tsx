@@ -7,7 +7,7 @@ import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls"
 
 /** Texts beside sliders, for controls whose value is shown in words or as a share of the shape. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
-  reach: ({ handle }) => `holds ${percent(held(store.get(), handle))}`,
+  reach: ({ handle }) => `moves ${percent(held(store.get(), handle))}`,
   locality: ({ locality, radius }) =>
     radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
   radius: ({ radius }, size) => (radius === null ? "no limit" : `${percent(radius / size)} of the size`),

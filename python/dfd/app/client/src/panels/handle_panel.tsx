@@ -186,14 +186,14 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
 type Way = readonly [way: PartChange, hint: string];
 
 const SIZES: readonly Way[] = [
-  ["smaller", "Hold the next smaller part ([)"],
-  ["larger", "Hold the next larger part (])"],
+  ["smaller", "Give the handle the next smaller part ([)"],
+  ["larger", "Give the handle the next larger part (])"],
 ];
-/** Larger pieces of the file that a handle can hold. */
+/** Units of the file that a handle can move as a whole. */
 const UNITS: readonly Way[] = [
-  ["scene_part", "Hold the whole scene part"],
-  ["material", "Hold all faces with this material"],
-  ["component", "Hold the whole connected component"],
+  ["scene_part", "Give the handle the whole scene part"],
+  ["material", "Give the handle all faces with this material"],
+  ["component", "Give the handle the whole connected component"],
 ];
 
 interface PartButtonsProps {
@@ -201,7 +201,7 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons that change the held part. While the pointer is on a button, the view shows the part after the change. */
+/** Buttons that change the handle's part. While the pointer is on a button, the view shows the new part. */
 function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
@@ -232,7 +232,7 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
     />
   );
   return (
-    <div role="group" aria-label="Held part" onPointerLeave={leave} onFocusOut={leave}>
+    <div role="group" aria-label="Part of the handle" onPointerLeave={leave} onFocusOut={leave}>
       <div class="buttons">{SIZES.map(button)}</div>
       <div class="buttons">{UNITS.filter(([way]) => ways.includes(way)).map(button)}</div>
     </div>

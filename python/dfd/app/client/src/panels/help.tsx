@@ -9,8 +9,8 @@ const POINTER: readonly Entry[] = [
   ["Click", "Add a handle"],
   ["Drag", "Orbit; the right button pans"],
   ["Wheel", "Zoom; during a drag, change the reach"],
-  ["Shift Click", "Add a part to the held part"],
-  ["Ctrl Click", "Remove a part from the held part"],
+  ["Shift Click", "Add the clicked part to the handle"],
+  ["Ctrl Click", "Remove the clicked part from the handle"],
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];

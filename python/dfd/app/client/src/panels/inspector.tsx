@@ -54,7 +54,7 @@ function BrushPanel() {
       </p>
       <div class="buttons">
         <Button text="Fix" style="primary" disabled={!painted} onPress={use((at) => send({ type: "fix", at }))} />
-        <Button text="Hold" disabled={!painted} onPress={use((at) => send({ type: "add", at }))} />
+        <Button text="Add handle" disabled={!painted} onPress={use((at) => send({ type: "add", at }))} />
         {selected && (
           <Button
             text="Limit"
@@ -101,7 +101,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
   );
 }
 
-/** The default transform D₀ of Eq. 1. It moves all surface that no handle holds. */
+/** The default transform D₀ of Eq. 1. It moves all surface that follows no handle. */
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
   const now = { ...REST, ...known.default };

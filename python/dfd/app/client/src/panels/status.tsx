@@ -45,7 +45,7 @@ function dragText(state: State): string {
   const known = selectedHandle(state);
   if (!known) return "";
   const { reach, handle } = present(state, known);
-  return `Wheel: reach ${reach.toFixed(2)} · holds ${percent(held(state, handle))} of the surface`;
+  return `Wheel: reach ${reach.toFixed(2)} · moves ${percent(held(state, handle))} of the surface`;
 }
 
 export function Toasts() {

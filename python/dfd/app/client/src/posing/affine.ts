@@ -14,15 +14,15 @@ export interface Transform {
   /** Rotation vector: axis times angle in degrees, right-handed. */
   readonly rotation: Vec3;
   readonly scale: Vec3;
-  /** The fixed point of rotation and scale; null stands for the handle's own position. */
+  /** The center of rotation and scale; null stands for the handle's own position. */
   readonly pivot: Vec3 | null;
   /** The name of the pivot, or "auto"; null if `pivot` is not a named point. */
   readonly pivotAt: PivotAt | "auto" | null;
   /** The axes of scale; null stands for the mesh's own axes. */
   readonly axes: Frame | null;
-  /** The bend of the held part: the rotation vector of its tip, in degrees. */
+  /** The bend of the part that the handle moves: the rotation vector of the part's tip, in degrees. */
   readonly bend: Vec3;
-  /** The twist of the held part: the rotation of its tip about its axis, in degrees. */
+  /** The twist of that part: the rotation of the tip about the part's axis, in degrees. */
   readonly twist: number;
   /** The place of bend and twist on the part's axis, from 0 (base) to 1 (tip); null spreads both over the axis. */
   readonly joint: number | null;
@@ -61,7 +61,7 @@ export function basisOf(axes: Frame): Matrix4 {
   return new Matrix4().makeBasis(x, y, z);
 }
 
-/** Return the map p ↦ pivot + translation + R S (p − pivot); `center` replaces a missing pivot. */
+/** Return the map p ↦ pivot + translation + R S (p − pivot): S scales, R rotates. `center` replaces a missing pivot. */
 export function matrixOf({ translation, rotation, scale, axes, pivot }: Transform, center: Vec3): Matrix4 {
   const stretch = new Matrix4().makeScale(...scale);
   if (axes) stretch.premultiply(basisOf(axes)).multiply(basisOf(axes).transpose());

@@ -10,7 +10,7 @@ export interface PartEnds {
   readonly tip: Vec3;
 }
 
-/** The line from base to tip rotates by this share of the tip's angle, as a result of `dfd.posing.bend`. */
+/** If a part bends over its length, the line from base to tip rotates by this fraction of the tip's angle. */
 const LINE_SHARE = 0.44;
 const MOST_DEGREES = 300;
 

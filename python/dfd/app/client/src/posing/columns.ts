@@ -6,9 +6,9 @@ import { reflection, type Vec3 } from "./affine";
 
 /** The weights and the transform of a handle at one of its counterparts, or weights that only the heat map shows. */
 export interface Column {
-  /** The handle's number; 0 for a column that only the heat map shows. */
+  /** The handle's identifier; 0 for a column that only the heat map shows. */
   readonly handle: number;
-  /** (V) weights times 65535. */
+  /** Weights times 65535, (V). */
   readonly weights: Uint16Array;
   /** Whether the handle or counterpart is on the positive side of the mirror plane. */
   readonly positive: boolean;

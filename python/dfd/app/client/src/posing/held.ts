@@ -4,7 +4,7 @@ import { Triangle } from "three";
 
 import { weightOf, type Column } from "./columns";
 
-/** Sample vertices of the surface, and the total area of the triangles around each vertex. */
+/** Sampled vertices of the surface, and the total area of the triangles around each of these vertices. */
 export interface Surface {
   readonly vertices: Uint32Array;
   readonly areas: Float64Array;
@@ -15,7 +15,7 @@ export const LEAST_SEEN = 0.05;
 /** Largest number of samples; it is enough for whole percents. */
 const MOST_SAMPLES = 5_000;
 
-/** Sample `most` of `count` vertices, from `positions` (R, 3), `triangles` (F, 3) and the vertex of each row (R). */
+/** Sample at most `most` of `count` vertices. The mesh has `positions` (R, 3), `triangles` (F, 3), `vertexOf` (R). */
 export function surfaceOf(
   count: number,
   positions: Float32Array,

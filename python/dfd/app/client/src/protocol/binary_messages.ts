@@ -3,16 +3,16 @@
 import type { Client, Server } from "./messages";
 
 export type ServerMessage = Server["message"];
-type WithoutNumber<Message> = Message extends unknown ? Omit<Message, "id"> : never;
-/** A request without its number. */
-export type Request = WithoutNumber<Client["message"]>;
+type WithoutId<Message> = Message extends unknown ? Omit<Message, "id"> : never;
+/** A request without its `id`. */
+export type Request = WithoutId<Client["message"]>;
 
 /** Array types by their names in safetensors. */
 const ARRAYS = { U8: Uint8Array, I16: Int16Array, U16: Uint16Array, U32: Uint32Array, F32: Float32Array } as const;
 
 type Arrays = typeof ARRAYS;
 
-/** The type of an array, and its position after the header in bytes. */
+/** The type of an array, and the range of its bytes, counted from the end of the header. */
 interface Entry {
   readonly dtype: string;
   readonly data_offsets: readonly [begin: number, end: number];
@@ -29,7 +29,7 @@ export class Payload {
     return name in this.entries;
   }
 
-  /** Return a view of an array without a copy. Throws if the array has another type or lies outside the message. */
+  /** Return an array without a copy. Throws if the array has another type, or is not completely in the message. */
   get<Type extends keyof Arrays>(name: string, dtype: Type): InstanceType<Arrays[Type]> {
     const entry = this.entries[name];
     if (!entry) throw new Error(`The server's message has no array '${name}'.`);

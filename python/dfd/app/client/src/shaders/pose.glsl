@@ -5,8 +5,8 @@ uniform highp usampler2DArray weights; // one layer per column; vertex i is texe
 uniform highp sampler2D columns;       // 7 texels per column, see `pose_textures.ts`
 uniform int columnCount;
 uniform mat4 defaultTransform; // D₀
-uniform vec4 mirror;           // unit normal and offset
-uniform float mirrorBand;      // half width of the band in which both sides blend
+uniform vec4 mirror;           // unit normal and offset of the mirror plane
+uniform float mirrorBand;      // half the width of the band in which both sides blend
 
 const float UNIT = 1.0 / 65535.0;
 

@@ -6,7 +6,7 @@ uniform float opacity;
 
 layout(location = 0) out vec4 color;
 
-// Convert linear colors to sRGB. Square roots approximate the power with an error below 0.5 / 255.
+// Convert linear colors to sRGB. Square roots approximate the power 1 / 2.4 with an error below 0.5 / 255.
 vec3 toScreen(vec3 linear) {
   vec3 c = clamp(linear, 0.0, 1.0);
   vec3 a = sqrt(c);

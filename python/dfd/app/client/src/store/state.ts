@@ -25,7 +25,7 @@ export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 /** Changes of a handle that are shown before the server confirms them. */
 export interface Ahead extends Partial<Omit<HandleState, "handle">> {
   readonly transform?: Transform;
-  /** The number of the newest request with a change. */
+  /** The `id` of the newest request with a change. */
   readonly request: number;
 }
 
@@ -55,21 +55,21 @@ export const CLOSED = {
   mesh: null as MeshMessage | null,
   /** The arrays of `mesh`. */
   meshArrays: null as Payload | null,
-  /** Samples of the surface, to measure how much of it a handle holds. */
+  /** Samples of the surface, which measure how much of the surface follows a handle. */
   surface: null as Surface | null,
-  /** (V, 4) colors of the features' principal directions. */
+  /** The colors that show the features of the vertices, (V, 4). */
   featureColors: null as Uint8Array | null,
   /** The server's pose, for blends that the shader does not support. */
   posed: null as Posed | null,
   edit: null as StateMessage | null,
-  /** (V) weights times 65535, by the number of their column. A handle has one column, or one for each counterpart. */
+  /** The weights of each column times 65535, (V). The keys are the identifiers `column` in `edit`. */
   columns: new Map() as ReadonlyMap<number, Uint16Array>,
   ahead: new Map() as ReadonlyMap<number, Ahead>,
   selected: null as number | null,
   hover: null as Picked | null,
-  /** Previewed weights: of a new handle at `vertex`; if `vertex` is null, of the selected handle with another part. */
+  /** Weights of a new handle at `vertex`. If `vertex` is null, weights of the selected handle with another part. */
   probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
-  /** The painted region: (V) weights of 0 or 65535, and the number of painted vertices. */
+  /** The painted region: weights of 0 or 65535, (V), and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
   /** The counterparts of the selected handle. */
@@ -87,7 +87,7 @@ export const CLOSED = {
 const INITIAL = {
   ...CLOSED,
   link: "connecting" as "connecting" | "open" | "lost" | "closed",
-  /** The reason why the session ended. */
+  /** The reason why the session ended; null if it has not ended. */
   ended: null as string | null,
   session: null as SessionMessage | null,
   page: "waiting" as "waiting" | "start" | "shape",
@@ -107,7 +107,7 @@ const INITIAL = {
   /** The radius of the brush, as a fraction of the shape's size. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** What the user wants to see, or from which direction. Each request of the user is a new object. */
+  /** What the user wants to see, or the name of a view. Each command of the user is a new object. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
   /** Whether only the part of the selected handle is shown. */
@@ -178,7 +178,7 @@ export function draws(tool: Tool): tool is "paint" | "box" {
   return tool === "paint" || tool === "box";
 }
 
-/** Return whether only the part that the selected handle holds is visible. */
+/** Return whether only the surface that follows the selected handle is visible. */
 export function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">): boolean {
   return isolated && selected !== null && !painted;
 }

@@ -14,13 +14,13 @@ export function createStore<State extends object>(initial: State) {
   }
   return {
     get: () => state,
-    /** Replace some values of the state, and call the listeners of those that changed. */
+    /** Replace some values of the state, and call the listeners of the values that changed. */
     set(change: Partial<State>): void {
       state = { ...state, ...change };
       // A listener may remove itself or another listener.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` when the result of `select`, or an element of it, changes. Returns a function that stops it. */
+    /** Call `listener` when the result of `select` or an element of it changes. The returned function ends this. */
     watch,
     /** Call `listener` when one key changes. */
     on<Key extends keyof State>(key: Key, listener: (part: State[Key]) => unknown): () => void {

@@ -1,4 +1,4 @@
-/** Find the resting point of the shape under a pixel. The GPU draws these points in the pose of the picture. */
+/** Find the point of the resting shape at a pixel. The GPU draws the posed shape, with resting positions as colors. */
 
 import {
   DoubleSide,
@@ -48,7 +48,7 @@ export class Picker {
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
-  /** Return the rows in a box of a view of `width` × `height` pixels; without `through`, only visible rows. */
+  /** Return the rows whose posed positions are in a box of a view; without `through`, return only visible rows. */
   within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
     const { shape } = this;
     const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
@@ -60,7 +60,7 @@ export class Picker {
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.posed.read(), shape.positions];
-    // A vertex is visible if it is within 4 pixels of the surface at its pixel; `near` is their size at distance 1.
+    // A vertex is visible if the surface at its pixel is less than 4 pixels away; `near` is 4 pixels at distance 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();

@@ -77,7 +77,7 @@ export function held(state: State, handle: number): number {
   return state.surface ? heldPart(columnsOf(state, handle), state.surface) : 0;
 }
 
-/** The heat of the painted region. Its color in the heat map is visible on pale shapes. */
+/** The heat of the painted region. The heat map shows this heat in a color that is visible on pale shapes. */
 const PAINTED = 0.66;
 
 /** Return a column that is only shown in the heat map. */

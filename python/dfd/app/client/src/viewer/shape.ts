@@ -35,13 +35,13 @@ const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: C
 export class Shape {
   readonly group = new Group();
   readonly radius: number;
-  /** (R, 3) resting positions, relative to the mesh's center. */
+  /** The resting position of each row, (R, 3), relative to the mesh's center. */
   readonly positions: Float32Array;
-  /** (R) the vertex of each row. */
+  /** The vertex of each row, (R). A vertex at a texture seam has several rows. */
   readonly vertexOf: Uint32Array;
   readonly geometry = new BufferGeometry();
   readonly faces: Faces;
-  /** Whether only surface with a heat of at least 0.05 is shown. */
+  /** Whether surface is hidden if its heat, the weight in the heat map, is below 0.05. */
   isolated = false;
   private readonly pose: PoseTextures;
   readonly posed: PosePass;
@@ -84,7 +84,7 @@ export class Shape {
     );
     this.wires.visible = false;
     this.group.add(new Mesh(geometry, this.materials), this.wires);
-    // The bounding sphere is that of the resting shape, which does not contain all poses.
+    // Frustum culling would hide poses that leave the bounding sphere of the resting shape.
     for (const drawn of this.group.children) drawn.frustumCulled = false;
   }
 
@@ -111,13 +111,13 @@ export class Shape {
     this.compile();
   }
 
-  /** Set (V, 4) colors of the features' principal directions. */
+  /** Set the colors that show the features of the vertices, (V, 4). */
   setFeatureColors(colors: Uint8Array): void {
     this.geometry.setAttribute("featureColor", new BufferAttribute(this.perRow(colors, 4), 4, true));
     this.compile();
   }
 
-  /** Show the server's pose instead of the shader's pose; null shows the shader's pose. */
+  /** Show the server's pose. If `posed` is null, show the shader's pose. */
   setPosed(posed: Posed | null): void {
     this.posed.setGiven(
       posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },

@@ -65,7 +65,7 @@ export class Stage {
     this.drawn();
   }
 
-  /** Look at a shape of this radius at the origin, from the front and slightly above. */
+  /** Look at a shape at the origin with the given radius, from the view `usual`. */
   frameShape(radius: number): void {
     this.camera.near = radius / 100;
     this.camera.far = radius * 60;

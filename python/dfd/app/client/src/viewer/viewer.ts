@@ -174,7 +174,7 @@ export class Viewer {
     plane.scale.setScalar(0.65 * this.shape.radius);
   }
 
-  /** Look at the surface that the selected handle holds; without a handle, look at the whole shape. */
+  /** Look at the surface that follows the selected handle; without a handle, look at the whole shape. */
   private frameSelection(shape: Shape): void {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);

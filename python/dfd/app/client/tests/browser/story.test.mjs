@@ -88,7 +88,7 @@ step("a single counterpart is switched off and on", async () => {
 step("a drag moves the shape as the kernel does, and the wheel changes the reach meanwhile", async () => {
   const before = (await handles())[0];
   await drag(page, [0, -50], -60, async () => {
-    assert.ok(await page.getByText(/reach .* · holds/).isVisible());
+    assert.ok(await page.getByText(/reach .* · moves/).isVisible());
     await page.mouse.wheel(0, 240);
     await page.waitForTimeout(200);
     await shot(page, "dragging");
@@ -233,7 +233,7 @@ step("a painted region is held, and another region limits the handle", async () 
   // The region is on the hooves, because surface that looks like a fixed point does not follow.
   const hooves = JSON.parse(process.env.DFD_ALIKE);
   const painted = await paint(hooves);
-  await page.getByRole("button", { name: "Hold", exact: true }).click();
+  await page.getByRole("button", { name: "Add handle", exact: true }).click();
   await until(page, (s) => s.edit.handles.length === 2);
   const held = (await handles())[1];
   assert.equal(held.region, painted.length);

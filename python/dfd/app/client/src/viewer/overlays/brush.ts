@@ -1,4 +1,4 @@
-/** Paint regions. The brush measures distances at rest, so it does not paint parts that touch only in the pose. */
+/** Paint regions. Distances are measured at rest, so parts that touch only in the pose are not painted together. */
 
 import { Sphere, Vector3 } from "three";
 

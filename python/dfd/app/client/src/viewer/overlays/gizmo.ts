@@ -23,7 +23,7 @@ interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** Both ends of the part's axis in bend mode; null in other modes. */
+  /** The ends of the held part's axis in bend mode; null in other modes. */
   readonly ends: PartEnds | null;
   /** Whether only the pivot moves. */
   readonly pivoting: boolean;
@@ -86,7 +86,7 @@ export class Gizmo {
       .add(new Vector3(...center))
       .toArray();
     if (ends) {
-      // The bend is applied before the rest of the transform.
+      // The transform acts after the bend, so its inverse gives the tip of the bend.
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }

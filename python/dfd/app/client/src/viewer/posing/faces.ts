@@ -5,7 +5,7 @@ import { Triangle, Vector3 } from "three";
 import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
-  /** The triangles, sorted by their last corner. Those whose last corner is row c begin at `starts[c]`. */
+  /** The triangles, sorted by their last corner. Triangles with row c as last corner begin at `starts[c]`. */
   private readonly order: Uint32Array;
   private readonly starts: Uint32Array;
 

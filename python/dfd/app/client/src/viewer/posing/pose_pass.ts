@@ -19,11 +19,11 @@ interface Program {
 }
 
 export class PosePass {
-  /** (R, 4) posed positions and heat. */
+  /** The posed position and the heat of each row, (R, 4). */
   readonly position: GLBufferAttribute;
-  /** (R, 3) posed unit normals. */
+  /** The posed unit normal of each row, (R, 3). */
   readonly normal: GLBufferAttribute;
-  /** (R, 3) resting positions. */
+  /** The resting position of each row, (R, 3). */
   readonly rest: GLBufferAttribute;
   private readonly gl: WebGL2RenderingContext;
   /** The pose shader, compiled once for each set of defines. */
@@ -85,7 +85,7 @@ export class PosePass {
     this.fresh = false;
   }
 
-  /** Use the server's positions (R, 3) and normals (R, 4) instead of the shader's; null uses the shader's. */
+  /** Use the server's positions (R, 3) and normals (R, 4). If `given` is null, the shader computes them. */
   setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     const { gl } = this;
@@ -142,7 +142,7 @@ export class PosePass {
     renderer.resetState();
   }
 
-  /** Read back the posed positions and heat (R, 4). */
+  /** Read the posed positions and the heat (R, 4) from the GPU. */
   read(): Float32Array {
     this.update();
     const { gl } = this;
@@ -174,7 +174,7 @@ export class PosePass {
     return buffer;
   }
 
-  /** Let the shader read an attribute from the bound buffer. Integers represent numbers in [-1, 1]. */
+  /** Let the shader read an attribute from the bound buffer. The GPU maps integers to numbers in [-1, 1]. */
   private readAttribute(place: number, size: number, type: GLenum, on = true): void {
     const { gl } = this;
     if (on) gl.enableVertexAttribArray(place);

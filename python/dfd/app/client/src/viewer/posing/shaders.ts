@@ -27,7 +27,7 @@ export function material(
   return made;
 }
 
-/** Compile a material with the given defines, unless it already has them. */
+/** Compile a material with the defines that are true in `wanted`, unless it already has them. */
 export function define(made: ShaderMaterial, wanted: Readonly<Record<string, boolean>>): void {
   const names = Object.keys(wanted).filter((name) => wanted[name]);
   if (Object.keys(made.defines).join() === names.join()) return;
