@@ -15,12 +15,12 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    If only the transforms of at most half of the handles change, and no blend band, a `dfd.Drag` stores the sum over
-    all other handles. Then only the handles that move are computed.
+    If an edit changes only the transforms of at most half of the handles, and no blend band (`Grips.band`), a
+    `dfd.Drag` stores the sum over all other handles. Then only the handles that move are computed.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
-        """Pose `mesh` with `weights`. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
+        """Store the arguments. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
         self._mesh = mesh
         self._weights = weights
         self._bands_of = bands_of
