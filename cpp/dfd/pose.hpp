@@ -46,7 +46,7 @@ struct PoseArrays {
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
 ///
 /// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
-/// transforms are the identity, no bit of a vertex changes, except if its weights add up to over 1 with overlap `paper`.
+/// transforms are the identity, no bit of a vertex changes, unless the overlap is `paper` and its weights exceed 1.
 ///
 /// With dual quaternions, a transform is split into a stretch about the handle's position, and a rigid motion that
 /// follows. The stretch of D_0 is about the first vertex. Overlap `paper` then has the same effect as `normalize`.
