@@ -1,4 +1,4 @@
-"""Estimate, for each handle of a transferred edit, the probability that it moves the corresponding part."""
+"""Estimate how probably a transferred handle moves the part that corresponds to the original handle's part."""
 
 import numpy as np
 
@@ -23,10 +23,10 @@ def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
 
 
 def differences(before: Deformer, after: Deformer) -> Float64:
-    """Return two differences, at least 0, between the surfaces that each handle moves in both sessions, (H, 2).
+    """Compare the surfaces that each handle moves in the two sessions. Return two differences, (H, 2), at least 0.
 
     Column 0 is |log(A / B)|, where A and B are the fractions of the area that the handle moves. Column 1 is the
-    distance of both centers. Their coordinates are absolute values, so mirror images have the distance 0.
+    distance between both centers. Each coordinate is replaced by its absolute value, so it is 0 for mirror images.
     """
     (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
     ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))
@@ -34,7 +34,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the fraction (H,) of the area that each handle moves, and the center (H, 3) of this area, in diagonals."""
+    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) divided by the diagonal."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))

@@ -36,9 +36,8 @@ from dfd.weights.compact import CompactFeatures
 class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
-    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. Adding a
-    handle computes only the weights of this handle. With a linear blend, most frames of a drag compute only the
-    displacements by the handles that move.
+    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. A new
+    handle needs only its own weights. With a linear blend, most frames of a drag skip the handles that do not move.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -56,8 +55,8 @@ class Deformer(History):
     features
         (V, D) features of the vertices, or their compact form from `dfd.compact`. The session then evaluates the field
         only at handles and fixed points that are points in space. If left out, the session evaluates the field when it
-        first needs features. With the preset "default", the session stores the features of meshes with more than 16,384
-        vertices in compact form. This changes weights by at most 0.01, measured on samples (`CompactFeatures.error`).
+        first needs features. With the preset "default", it compacts the features of a mesh with more than 16,384
+        vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
         Whether to accept a field of another shape.
 
@@ -148,8 +147,8 @@ class Deformer(History):
         scale
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
-            The center of rotation and scale: (3,) in mesh units, or a name. The *held part* of a handle has all
-            vertices with at least half of its largest weight. "base" is the center of the border between the held part
+            The center of rotation and scale: (3,) in mesh units, or a name. The *held part* has all vertices with at
+            least half of the handle's largest weight. "base" is the center of the border between the held part
             and the rest of the shape. "middle" is the center of the held part. "point" is the handle itself, or the
             center of its region. "plane" is the point of the plane of symmetry that is nearest to the handle. "hinge"
             is the middle of the hinge, a line through the border points that are farthest from the tip. The default is
@@ -158,7 +157,7 @@ class Deformer(History):
             default is moved onto the plane. With the preset "paper", the default is "point".
         axes
             (3, 3) orthonormal vectors, one per row: the directions of the three factors of `scale`. "normal" is a frame
-            whose third vector is the surface's normal at the handle. The default is x, y and z of the mesh.
+            whose third vector is the surface's normal at the handle. By default, they are the mesh's axes x, y and z.
         bend, towards
             `bend` is the angle in degrees by which the tip of the held part rotates. The rotation grows along the
             part's axis, from base to tip, and every cross-section moves rigidly. `towards` is the direction in which
@@ -169,8 +168,8 @@ class Deformer(History):
             Angle in degrees by which the tip rotates about the part's axis.
         joint
             The position of bend and twist on the axis. "spread", the default, distributes them over the whole length.
-            "auto" is the most bent or narrowest place of the resting part, such as a knee. "here" is the place nearest
-            to the handle. A number is a position from 0 at the base to 1 at the tip.
+            "auto" is the place where the resting part is most bent or narrowest, such as a knee. "here" is the place
+            nearest to the handle. A number is a position from 0 at the base to 1 at the tip.
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
             `open` sets `rotation` and `pivot`.
@@ -297,7 +296,7 @@ class Deformer(History):
         weights of handles. In Eq. 6, the strength is 1.
 
         Raises ValueError if `at` is no place, or a handle or a fixed point is already there. Raises ValueError if
-        `strength` lies outside [0, 1], or a handle of the preset "default" would have no weight at its own place.
+        `strength` lies outside [0, 1], or a handle would lose all weight at its place (only with the preset "default").
         """
         place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
@@ -328,13 +327,13 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry. Its other side follows the mirrored transform of every handle (Eq. 8).
+        """Set the plane of symmetry. Vertices on the other side of it follow a handle's mirrored transform (Eq. 8).
 
         Parameters
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the plane with most similar sides.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the plane whose sides look alike.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane

@@ -77,7 +77,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-# Two meshes may be the same shape if corners of their bounding boxes differ by at most this fraction of the diagonal.
+# Meshes count as one shape if the corners of their bounding boxes differ by at most this fraction of the diagonal.
 SAME_BOX = 0.05
 
 
@@ -369,7 +369,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
 
 
 def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
-    """Return a handle or fixed point with `defaults` and an object for each of `groups`. `free` gives missing ids."""
+    """Return a handle or fixed point with `defaults`, an object for each of `groups`, and an id of `free` if needed."""
     if not isinstance(entry, dict):
         return entry
     given = {**defaults, **entry}
@@ -393,7 +393,7 @@ PHRASES = {  # patterns in pydantic's messages, and the words that replace them
 def _reported(error: ValidationError) -> tuple[str, str]:
     """Return the key of the first error, and its reason in the words of this package."""
     errors = error.errors(include_url=False)
-    # pydantic gives an error for each type of a union. The longest path fits best, and for a text the list of choices.
+    # pydantic gives one error for each type of a union. Report the longest path, and for a text the error with choices.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),

@@ -95,7 +95,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the `given` values, except those for `_on_part`. Axes "normal" are computed."""
+    """Return `transform` with the `given` values, except those for `_on_part`. The axes "normal" become vectors."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
     if isinstance(axes, str) and axes != "auto":
@@ -118,8 +118,7 @@ def _of_part(name: str, value: Any) -> bool:
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
     """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
 
-    `before` is the transform before the change. The default pivot is chosen at the first rotation or scale, or if the
-    pivot "auto" is given.
+    The default pivot is chosen if `before`, the earlier transform, has no rotation or scale, or if "auto" is given.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)

@@ -46,7 +46,7 @@ class PartAxis:
     parameter: Float64  # (N,) curve parameter of each vertex; nearly constant in an attached region far from the part
     nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
     radius: Float64  # (33,) root mean squared distance of the surface from the curve
-    border: Float64  # (B, 3) positions in the part that touch the rest of the shape; without a rest, at one end
+    border: Float64  # (B, 3) positions at the border with the rest of the shape, or at one end if there is no rest
     borders: int  # number of separate borders with the rest of the shape
     middle: Float64  # (3,) center of the part's surface
     rest: Float64  # (3,) center of the rest of the shape near the base

@@ -141,10 +141,9 @@ def _capped(wanted: Float64) -> Int64:
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Choose `points` (N, 3): in each grid cell with sides `cell`, one point for each of the first few labels.
+    """Return the indices (K,) of one point for each of the first few labels in each grid cell with sides `cell`.
 
-    Return the indices (K,) of these points, and a pair (C, 2) for each other label of a cell: the indices of a chosen
-    point of the cell, and of a point with this label.
+    Also return pairs (C, 2), one for each other label of a cell: a chosen point, and a point with this label.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1

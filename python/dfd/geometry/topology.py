@@ -76,7 +76,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return the index (F,) of the connected component of each of `faces` (F, 3), from 0."""
+    """Return the index (F,) of the connected component of each of `faces` (F, 3), counted from 0."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))

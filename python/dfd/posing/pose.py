@@ -125,11 +125,10 @@ def pose(
     normals
         (V, 3) unit normals to transform too, by the cofactor matrix of each vertex's blended transform.
     overlap
-        The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, in which even identity
-        transforms multiply the position of such a vertex by this sum. "add": displacements are added, so identity
-        transforms move nothing. "normalize": weights are divided by their sum. "interpolate": weights are multiplied by
-        the inverse of `handle_weights`, and displacements are added. Each handle then moves exactly to its target,
-        except in the band of a mirror plane.
+        The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also multiplies their
+        positions by this sum. "add": displacements are added, so identity transforms move nothing. "normalize": weights
+        are divided by their sum. "interpolate": weights are multiplied by the inverse of `handle_weights`, and the
+        displacements are added. Each handle then moves exactly to its target, except in the band of a mirror plane.
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
@@ -180,7 +179,7 @@ def pose(
 
 
 class Drag:
-    """A series of poses in which only some handles move. The displacements by all other handles are added once.
+    """A series of poses in which only some handles move. The sum of the displacements by all others is computed once.
 
     The parameters are those of `dfd.pose`, and `moving`: the indices of the handles that move. `transforms` are those
     at the start of the drag. With dual quaternions, there is no such sum: each pose takes as long as `dfd.pose`.
@@ -200,7 +199,7 @@ class Drag:
         overlap: Overlap = "paper",
         blend: Blend = "linear",
     ) -> None:
-        """Add the displacements by the handles that do not move.
+        """Compute the sum of the displacements by the handles that do not move.
 
         Raises ValueError as `dfd.pose` does, or if `moving` is out of range or contains a handle twice.
         """

@@ -67,8 +67,8 @@ def bind(
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
-        region is computed from the nearest feature of a member of the region. At most 32 members are used: those whose
-        features differ most, and by more than 0.001. They are chosen from at most 8,192 evenly spaced members.
+        region depends on the member of the region with the most similar feature. At most 32 members are used: those
+        whose features differ most, and by more than 0.001. They are chosen from at most 8,192 evenly spaced members.
     fixed
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.

@@ -41,7 +41,7 @@ class Counterpart:
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     weight: float = 1.0  # the handle's weight at `vertex`, by features alone
-    share: Share | None = None  # fraction of the handle's weight for this counterpart at each vertex; None is 1
+    share: Share | None = None  # fraction of the handle's weight for this counterpart at each vertex; None means 1
     # image: (3, 4) isometry that maps the component at the handle onto this component; None if it is no mirror image
     image: Float64 | None = None
 
@@ -64,7 +64,7 @@ class Column(NamedTuple):
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
 
     def matrix(self, edit: Edit) -> Float64:
-        """Return the transform (3, 4) of the column, in mesh units: the handle's one, mapped to the counterpart."""
+        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
         handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
@@ -139,7 +139,7 @@ def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
     """Return `component` (N,), the index of the part's component at each mesh node, after two changes.
 
     A component joins a larger one if its center lies in the bounding box of the larger one and the mesh does not
-    connect the two, as a hub and its tire. If the node of `vertex` has no component, it joins the nearest component.
+    connect the two, such as a hub and its tire. If the node of `vertex` has no component, it joins the nearest one.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)

@@ -49,8 +49,8 @@ class FeatureWeights:
         self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced if a column changes
         self._keys: list[Key] = []
         self._subtracted: Recent[Float32] = Recent(1)
-        self._geodesics: dict[bool, Geodesics] = {}  # True: solver for exact distances; each is built at its first use
-        self._distances: dict[tuple[bool, int], Float32] = {}  # distances (V,) by whether they are exact, and source
+        self._geodesics: dict[bool, Geodesics] = {}  # key: whether distances are exact
+        self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
         self._reaches: dict[Place, float] = {}
 
     def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
@@ -190,7 +190,7 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # `bind` uses only some vertices of a region. So every vertex of the region gets the weight of a handle at it.
+        # `bind` uses only some vertices of a region. Here, each vertex of the region gets the weight of its own handle.
         if place.region is not None:
             own = self._rows.members(place.region)
             free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)

@@ -23,7 +23,7 @@ MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
 
 class HandleFeatures:
-    """The features of places: points in space, regions, and vertices of one mesh, whose features are stored."""
+    """The features of vertices, regions and points in space on one mesh. The vertices' features are stored."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         """Store `features` (V, D). If they are None, evaluate the field when features are first needed.

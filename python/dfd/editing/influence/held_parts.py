@@ -103,7 +103,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return a rotation (3, 3) of `one` onto `other`. If both are far from vertical, horizontal normals are aligned."""
+    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, it aligns their horizontal normals."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []

@@ -20,7 +20,7 @@ from dfd.posing.transforms import Vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Positions at most this fraction of the bounding box's diagonal apart count as equal, because files store float32.
+# Positions count as equal up to this fraction of the bounding box's diagonal, because files store 32-bit floats.
 SAME_POSITION = 1e-5
 # On a finer mesh, a vertex belongs to a `VertexSet` if its distance from the nearest position of the set is below this
 # fraction of the set's median spacing.
