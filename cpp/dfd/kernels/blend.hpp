@@ -8,7 +8,7 @@
 namespace dfd {
 namespace {
 
-// The weighted sum of each entry over the transforms of the handles and D_0.
+// The weighted sum of each entry over the transforms of the handles and the default transform D_0.
 template <class T, std::size_t Count>
 struct Sums {
     Vector<T> entry[Count];

@@ -29,7 +29,7 @@ struct Weights {
 
 template <class T>
 struct Totals {
-    Vector<T> remainder;  // weight of D_0
+    Vector<T> remainder;  // weight of the default transform D_0
     Vector<T> excess;     // amount by which the sum of the weights exceeds 1, for overlap `paper`
     Vector<T> factor;     // number by which overlap `normalize` multiplies all weights
 };

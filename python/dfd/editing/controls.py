@@ -101,7 +101,7 @@ class Controls(Brief):
     mask_feather: Annotated[
         float,
         About(
-            "Width of the band outside the mask in which weights fade to 0: mesh units or % of the box's diagonal.",
+            "Width of the fade to 0 outside the mask, in mesh units or % of the bounding box's diagonal.",
             0.0,
             LARGEST,
             metavar="W|P%",

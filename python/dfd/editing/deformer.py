@@ -62,7 +62,7 @@ class Deformer(History):
 
     Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
     None and `other_shape` is False, also raises ValueError if the field was distilled from another shape, and warns if
-    vertices lie far outside that shape's box (`dfd.field.compatibility.check_compatible`).
+    vertices lie far outside that shape's bounding box (`dfd.field.compatibility.check_compatible`).
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
@@ -181,8 +181,8 @@ class Deformer(History):
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
-        box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all weight from
-        the handle.
+        bounding box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all
+        weight from the handle.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
@@ -431,9 +431,9 @@ class Deformer(History):
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
         A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. Places
-        of such an edit are also found by their positions, and lengths do not change. To transfer an edit by features,
-        use `dfd.editing.transfer` instead.
+        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. The
+        positions and lengths of such an edit do not change. To transfer an edit by features, use `dfd.editing.transfer`
+        instead.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
         The message names the key in the file and its value.

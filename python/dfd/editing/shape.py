@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    If displacements are added and there is no D₀, handles at rest move no vertex, so the key leaves them out.
+    If displacements are added and there is no default transform, handles at rest move no vertex. The key omits them.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

@@ -18,7 +18,7 @@ from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # largest number of vertices of a mesh in which each vertex is a node
-CELLS = 100  # number of grid cells, for clustering, along the longest side of the mesh's bounding box
+CELLS = 100  # number of grid cells along the longest side of the mesh's bounding box
 RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 

@@ -23,7 +23,7 @@ from dfd.segmentation.parts import Grip
 from dfd.symmetry.plane import SymmetryPlane
 
 MOST_COUNTERPARTS = 64  # the largest number of counterparts of a handle, because each needs a column of weights
-# The share of a counterpart at a mesh node is the fraction of the handle's weight that the counterpart gets there.
+# A counterpart's share at a mesh node (`dfd.geometry.coarse`) is its fraction of the handle's weight at this node.
 SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
 SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
 BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length

@@ -25,7 +25,7 @@ class Component(NamedTuple):
     points: Float64  # (N, 3) positions in mesh units
     normals: Float64  # (N, 3) unit normals
     tree: cKDTree  # search tree of `points`
-    size: float  # diagonal of the box of `points`, in mesh units
+    size: float  # diagonal of the bounding box of `points`, in mesh units
 
 
 def component_of(vertices: Float64, faces: Int32) -> Component | None:
