@@ -32,7 +32,7 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          "Return each vertex's component number, (V). `faces` (F, 3) and `links` (L, 2) connect the vertices.");
+          "Return the component index of each vertex, (V). `faces` (F, 3) and `links` (L, 2) connect the vertices.");
     m.def(
         "face_sizes",
         [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {

@@ -7,7 +7,7 @@
 #include <chrono>
 #include <thread>
 
-/// Acquires Python's global interpreter lock (GIL) again. While Python shuts down, it unwinds the stack of each thread
+/// Acquires Python's global interpreter lock (GIL) again. During its shutdown, Python unwinds the stack of each thread
 /// that waits for the GIL. The frames of dfd cannot be unwound, so the thread then sleeps until the process ends.
 inline void acquire_gil(PyThreadState* state)
 {

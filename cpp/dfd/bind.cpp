@@ -222,7 +222,7 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Returns whether writes bypass the caches: if the matrix is large and has contiguous rows, or many aligned columns.
+// Returns whether writes bypass the caches. They do if the matrix is large, with contiguous rows or aligned columns.
 bool can_stream(const StridedMatrix<float>& weights)
 {
     if (weights.rows * weights.columns * sizeof(float) < streamed_bytes) return false;

@@ -14,20 +14,20 @@ struct Features {
     enum class Layout {
         rows,    // (V, D) float, row-major
         halves,  // (B, D, 16) float16: blocks of 16 vertices; the last block is padded
-        bytes,   // (B, D / 4 + 1, 16, 4) uint8: int8 entries + 128; a vertex ends with its squared length, int32
+        bytes,   // (B, D / 4 + 1, 16, 4) uint8: int8 entries + 128, then the squared length of each vertex as int32
     };
 
     Layout layout = Layout::rows;
     const void* data = nullptr;
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;  // D, a multiple of 4 for bytes
-    float scale = 1;            // for bytes: a byte b is the feature entry (b - 128) * scale
+    float scale = 1;            // for bytes: a byte b stands for the feature entry (b - 128) * scale
 };
 
 /// Handles or fixed points, given as feature rows or as vertices of the shape.
 struct Points {
-    Matrix<const float> rows = {};                // (N, D) features; for bytes, integers features / scale, -127 … 127
-    std::span<const float> offsets = {};          // (N) >= 0, each added to its row's squared distances; empty for 0
+    Matrix<const float> rows = {};                // (N, D) features; for bytes, integers -127 … 127: feature / scale
+    std::span<const float> offsets = {};          // (N) >= 0, added to the squared distances of each row; empty for 0
     std::span<const std::int64_t> vertices = {};  // (N) vertex indices, given instead of `rows`
     std::span<const std::uint32_t> members = {};  // (H) number of consecutive points of each handle; a region has
                                                   // several. Empty if each point is a handle
@@ -55,7 +55,7 @@ struct Constraints {
 ///
 /// For feature distance d, reach r and falloff f, the weight is first f(max(1 - d / r, 0)). A fixed point of strength s
 /// at feature distance d_p has the value s max(1 - d_p, 0). The largest of these values is subtracted, and a negative
-/// result becomes 0. It is then multiplied by (1 - g)^λ, for geodesic distance g and locality λ. All bits of a weight
+/// result becomes 0. Then (1 - g)^λ multiplies the result, for geodesic distance g and locality λ. All bits of a weight
 /// are independent of the number of threads, the index of the vertex and the other handles.
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if array shapes disagree, a value is not finite, or a region is empty

@@ -24,8 +24,8 @@ struct Layer {
 class Field {
 public:
     /// @param layers the hidden layers, then the last layer; the first layer has 3 + 6 `octaves` inputs
-    /// @param octaves number of frequencies π/2 · 2^k; the network's inputs are x, then sin and cos of π/2 · 2^k · x
-    /// @param center, scale x = (p - center) · scale for a point p
+    /// @param octaves number of frequencies π/2 · 2^k, for k from 0
+    /// @param center, scale for a point p, the inputs are x = (p - center) · scale, then sin and cos of π/2 · 2^k · x
     /// @throws std::invalid_argument if the outputs of a layer do not match the inputs of the next layer
     Field(std::span<const Layer> layers, std::size_t octaves, std::array<double, 3> center, double scale);
 

@@ -145,7 +145,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns the largest distance of three sweeps per component; each starts at the previous one's farthest vertex.
+    /// Returns the largest distance in three sweeps per component, each from the farthest vertex of the previous one.
     double find_extent() const
     {
         constexpr int sweeps = 3;

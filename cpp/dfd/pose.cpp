@@ -28,7 +28,7 @@ Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[
 
 Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// A transform that displaces a point p by `change` p + `shift`. The stretch in `polar` has its center at `place`.
+/// A transform that displaces a point p by `change` p + `shift`. The stretch in `polar` is about the point `place`.
 struct Displacement {
     Matrix3d change;  // linear part minus the identity
     Point shift, place;
@@ -92,7 +92,7 @@ bool has_stretch(const Displacement& d)
     return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
 }
 
-/// Appends the entries of a transform, listed at `entries_of`, to `table`. They apply to points relative to `center`.
+/// Appends the entries of a transform (see `entries_of`) to `table`. They apply to points relative to `center`.
 void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
 {
     if (blend == Blend::linear) {
@@ -144,8 +144,8 @@ std::vector<T> narrowed(const std::vector<double>& numbers)
     return result;
 }
 
-/// The blended entries. `rest` has those of D_0. `positive` and `negative` have those of the handles, for vertices on
-/// each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty without `mixing`.
+/// The entries (see `entries_of`) that kernels blend. `rest` has those of D_0. `positive` and `negative` have those of
+/// the handles, for vertices on each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty.
 template <class T>
 struct Tables {
     std::vector<T> rest, positive, negative, shares;

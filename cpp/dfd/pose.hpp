@@ -10,7 +10,7 @@
 
 namespace dfd {
 
-/// An affine transform (3, 4): three columns of the linear part, then the translation in mesh units.
+/// An affine transform (3, 4), row-major: three columns of the linear part, then the translation in mesh units.
 using Affine = std::array<double, 12>;
 
 /// The mirror plane {p : normal·p = offset} of Eq. (8), and the side of each handle.
@@ -24,7 +24,7 @@ struct Mirror {
 /// Transforms, and the way in which they are blended.
 struct Motion {
     std::span<const Affine> transforms;  // (H) D_k
-    Affine rest;                         // D_0, with the weight max(1 - sum of all weights, 0)
+    Affine rest;                         // default transform D_0, with the weight max(1 - sum of all weights, 0)
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
@@ -46,7 +46,7 @@ struct PoseArrays {
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
 ///
 /// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
-/// transforms are the identity, no bit of a vertex changes, unless overlap `paper` scales the vertex.
+/// transforms are the identity, vertices keep all bits, unless overlap is `paper` and their weights sum to over 1.
 ///
 /// With dual quaternions, a transform is split into a stretch about the handle's position, and a rigid motion that
 /// follows. The stretch of D_0 is about the first vertex. Overlap `paper` then has the same effect as `normalize`.

@@ -8,7 +8,7 @@
 
 namespace dfd {
 
-/// Returns each vertex's component number, (V). Components are numbered from 0, in the order of their first vertices.
+/// Returns the component index of each vertex, (V). Components are numbered from 0 by their first vertices.
 /// @param faces (F, 3) vertex indices
 /// @param links (L, 2) further pairs of connected vertices
 /// @throws std::invalid_argument if an index is out of range

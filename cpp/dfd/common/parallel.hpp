@@ -15,8 +15,8 @@
 
 namespace dfd {
 
-/// Starts `count` threads, or fewer if the system cannot start so many. Each thread calls a copy of `run` with its
-/// number, 1 … `count`. `run` must not throw.
+/// Starts `count` threads, or fewer if the system cannot start so many. Each thread calls a copy of `run` with the
+/// index of the thread, 1 … `count`. `run` must not throw.
 template <class Run>
 std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 {
@@ -38,7 +38,7 @@ inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t largest = 1;
     if (workers <= largest) return workers;
-    std::atomic<bool> started = false;  // all threads wait for it, so that they exist at the same time
+    std::atomic<bool> started = false;  // the threads wait until it is true, so that they exist at the same time
     std::vector<std::thread> others = start_threads(workers - largest, [&](std::size_t) { started.wait(false); });
     started = true;
     started.notify_all();
@@ -73,7 +73,7 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 /// Calls `work(worker, begin, end)` for ranges that cover [0, `count`). The number of workers is at most `threads`, and
 /// at most `count` / `grain`. The length of each range except the last is a multiple of 16. Each worker gets several
 /// ranges, so that a slow worker hardly delays the result. A range has at most about 512 · `grain` indices, so that
-/// `poll` is called often. `work` must not throw. With one worker, OpenMP is not used, so a forked child may call it.
+/// `poll` is called often. `work` must not throw. One worker does not use OpenMP, so that a forked process can compute.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})

@@ -1,5 +1,5 @@
-// Eq. (4-7) for blocks of vertices, one vertex per vector lane. The operations for a weight and their order depend
-// neither on the index of the vertex nor on other handles.
+// Computes Eq. (4-7) for blocks of vertices, one vertex per vector lane. The operations for a weight and their order
+// depend neither on the index of the vertex nor on other handles.
 
 #include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
@@ -12,7 +12,7 @@ constexpr std::size_t blocks_ahead = 4;       // features are prefetched this ma
 constexpr std::size_t geodesic_ahead = 1024;  // geodesic distances are prefetched this many bytes ahead
 constexpr std::size_t column_ahead = 512;     // columns of weights are prefetched this many bytes ahead
 
-// Number of points, of handles or fixed, in a tile. The sums for the distances to a tile's points fit into registers.
+// A tile has this many points (handles or fixed points). The sums for the distances to these points fit into registers.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,7 +22,7 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Computes the squared distances to `wanted` points from point `first` on. An odd `wanted` above 1 is rounded up.
+// Computes the squared distances to `wanted` points, beginning with `first`. An odd `wanted` above 1 is rounded up.
 template <std::size_t Count, class Panel>
 DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
                         Block* squares)
@@ -33,7 +33,7 @@ DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_
     panel.template squared_distances<Count>(points, first, squares);
 }
 
-// The vertices of one block: `count` vertices from vertex `begin` on.
+// The vertices of one block: `count` vertices, beginning with `begin`.
 struct Range {
     std::size_t begin, count;
 };
@@ -170,8 +170,8 @@ DFD_INLINE Block ones()
     return block;
 }
 
-// Computes the weights of a block. `Columns` is true if weights have contiguous columns, `Local` if geodesic distances
-// are given. Both are template parameters, because a branch for each handle of each block would take time.
+// Computes the weights of a block. `Columns` is true if the columns of weights are contiguous, and `Local` if there are
+// geodesic distances. Both are template parameters, because a branch for each handle of each block would take time.
 template <bool Columns, bool Local, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Range& block, float* scratch, Faults& faults)
 {

@@ -8,7 +8,7 @@
 namespace dfd {
 namespace {
 
-// For each entry, its weighted sum over the transforms of the handles and D_0.
+// The weighted sum of each entry over the transforms of the handles and the default transform D_0.
 template <class T, std::size_t Count>
 struct Sums {
     Vector<T> entry[Count];
@@ -63,7 +63,7 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    // Returns C · `normal` at unit length, for the cofactor matrix C of `one` · I + the linear entries.
+    // Returns C · `normal` at unit length. C is the cofactor matrix of `one` · I plus the linear entries.
     DFD_INLINE Vector3<T> transformed_normal(Vector<T> one, const Vector3<T>& normal) const
     {
         const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
@@ -127,7 +127,7 @@ struct StretchSum {
     }
 };
 
-// Equation (1).
+// The linear blend of Eq. (1).
 template <class T>
 struct LinearBlend {
     static constexpr std::size_t count = entries_of(Blend::linear, false);
@@ -143,7 +143,7 @@ struct LinearBlend {
     }
 };
 
-// First the blended stretch, then the rigid motion of the blended dual quaternion. (Kavan, Collins, Žára, O'Sullivan,
+// The blended stretch, followed by the rigid motion of the blended dual quaternion. (Kavan, Collins, Žára, O'Sullivan,
 // Geometric Skinning with Approximate Dual Quaternion Blending, 2008)
 template <class T, bool Stretched>
 struct DualQuaternionBlend {

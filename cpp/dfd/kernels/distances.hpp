@@ -34,8 +34,8 @@ DFD_INLINE Float sum_of(std::size_t size, const Add& add)
     return (a + b) + (c + d);
 }
 
-// Squared distances by |a|² + |b|² - 2 a·b, at the speed of a matrix product. If cancellation could change a distance
-// by 2e-6, the squared distance is computed again from the differences of the entries.
+// Computes squared distances as |a|² + |b|² - 2 a·b, at the speed of a matrix product. If rounding could change the
+// distance by 2e-6, the squared distance is computed again from the differences of the entries.
 class FloatPanel {
 public:
     FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
@@ -106,7 +106,7 @@ private:
     Block square_{};
 };
 
-// Squared distances between rows of int8 entries. They are exact integers until they are multiplied by scale².
+// Computes squared distances between rows of int8 entries as exact integers, and multiplies them by scale².
 class BytePanel {
 public:
     BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale)

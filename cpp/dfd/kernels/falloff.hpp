@@ -1,13 +1,13 @@
 #pragma once
 
-// The curves by which weights fall with the feature distance, and the powers of Eq. (7).
+// The falloff curves f, which give weights from feature distances, and the powers (1 - g)^λ of Eq. (7).
 
 #include "dfd/kernels/simd.hpp"
 
 namespace dfd {
 namespace {
 
-// Returns 2^x for x <= 0, exact at 0: a power of two times a power series in f, where x is an integer plus f.
+// Returns 2^x for x <= 0, exact at 0. For x = n + f with an integer n, the result is 2^n times a power series for 2^f.
 DFD_INLINE Float exp2_of(Float x)
 {
     x = maximum(x, splat(-126.0f));
@@ -23,7 +23,7 @@ DFD_INLINE Float exp2_of(Float x)
     return (Float)((Int)y + (whole << 23));
 }
 
-// Returns log2(x) for x in (0, 1], exact at 1: e plus a power series of log2(m), for x = m 2^e with m near 1.
+// Returns log2(x) for x in (0, 1], exact at 1. For x = m 2^e with m near 1, it is e plus a power series for log2(m).
 DFD_INLINE Float log2_of(Float x)
 {
     const Int bits = (Int)x - 0x3f3504f3;

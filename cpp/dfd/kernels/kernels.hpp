@@ -117,8 +117,8 @@ struct PoseJob {
     const T* positive = nullptr;       // (H, E) for the positive side of the mirror plane; E is `entries_of`
     const T* negative = nullptr;       // (H, E) for vertices on the negative side, or null without a mirror plane
     const T* rest = nullptr;           // (E) entries of D_0, or null for the identity
-    const T* shares = nullptr;         // (H) s; the weight of D_0 is max(1 - Σ s_k W_k, 0). Null if all s_k are 1
-    T center[3] = {};                  // origin of the coordinates that the transforms move
+    const T* shares = nullptr;         // (H) factors s in the weight max(1 - Σ s_k W_k, 0) of D_0, or null if all are 1
+    T center[3] = {};                  // the point from which the transforms measure coordinates
     T normal[3] = {};                  // unit normal of the mirror plane
     T height = 0;                      // signed distance of `center` from the mirror plane
     T steepness = 0;                   // 1 / (2 band) for the half width `band`, or 0 without a band

@@ -166,7 +166,7 @@ struct Vector3 {
     Vector<T> x, y, z;
 };
 
-// Converts points (W, 3) in memory to three vectors of W lanes, and back. Number 3 i + k is coordinate k of point i.
+// Converts points (W, 3) in memory to three vectors of W lanes, and back. Entry 3 i + k is coordinate k of point i.
 template <class T>
 struct Interleaved {
     static constexpr std::size_t size = lanes<T>;
@@ -175,7 +175,7 @@ struct Interleaved {
     template <std::size_t Axis>
     static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
     {
-        // Numbers 0 … 2 W - 1 are in a or b, the others in c.
+        // Entries 0 … 2 W - 1 are in a or b, the others in c.
         constexpr auto from_ab = [](std::size_t i) { return 3 * i + Axis < 2 * size ? 3 * i + Axis : 0; };
         constexpr auto from_c = [](std::size_t i) { return 3 * i + Axis < 2 * size ? i : 3 * i + Axis - size; };
         return shuffle<from_c>(shuffle<from_ab>(a, b), c);

@@ -1,4 +1,4 @@
-// Eq. (1) and (8) for blocks of vertices, one vertex per vector lane.
+// Computes Eq. (1) and (8) for blocks of vertices, one vertex per vector lane.
 
 #include "dfd/kernels/blend.hpp"
 
@@ -29,7 +29,7 @@ struct Weights {
 
 template <class T>
 struct Totals {
-    Vector<T> remainder;  // weight of D_0
+    Vector<T> remainder;  // weight of the default transform D_0
     Vector<T> excess;     // amount by which the sum of the weights exceeds 1, for overlap `paper`
     Vector<T> factor;     // number by which overlap `normalize` multiplies all weights
 };
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// Returns the share (0 to 1) of the positive side's transforms: a smoothstep across the band, or a step without band.
+// Returns the share (0 to 1) of the positive side's transforms: a smoothstep in the band, or a step without a band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {

@@ -118,8 +118,8 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Computes `weights` (n). The sum of weight times value over `points` (n) is a linear function's value at the origin.
-/// The function is fitted to the values by least squares, in which each point has an `importance`.
+/// Computes `weights` (n) for values at `points` (n). The weighted sum of the values is the value at the origin of a
+/// linear function. The function is fitted to the values by least squares, in which each point has an `importance`.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
     // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.

@@ -1,4 +1,4 @@
-"""Estimate the probability that each handle of a transferred edit moves the part that the original handle moves."""
+"""Estimate how probably a transferred handle moves the part that corresponds to the original handle's part."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.editing.deformer import Deformer
 from dfd.geometry.topology import vertex_areas
 
-MOVED = 0.5  # a handle moves the vertices with at least this fraction of its largest weight
+MOVED = 0.5  # vertices with at least this fraction of a handle's largest weight count as moved by the handle
 # A logistic regression gives the log-odds that two parts correspond: INTERCEPT − AREA_SLOPE · a − DISTANCE_SLOPE · d.
 # `differences` returns a and d. `python -m bench.training.learn_agreement` computes the constants from 1,892 handles
 # that were transferred between rigs.
@@ -16,17 +16,17 @@ INTERCEPT, AREA_SLOPE, DISTANCE_SLOPE = 2.97, 2.76, 18.3
 def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
     """Return for each of H handles the probability that it moves corresponding parts in both sessions.
 
-    `before` is the session in which the edit was made, `after` a session of the other shape with the transferred edit.
+    The edit was made in the session `before`. The session `after` has the transferred edit on the other shape.
     """
     log_odds = INTERCEPT - differences(before, after) @ (AREA_SLOPE, DISTANCE_SLOPE)
     return tuple((1.0 / (1.0 + np.exp(-log_odds))).tolist())
 
 
 def differences(before: Deformer, after: Deformer) -> Float64:
-    """Return two differences (H, 2), at least 0, between the surfaces that a handle moves before and after.
+    """Compare the surfaces that each handle moves in the two sessions. Return two differences, (H, 2), at least 0.
 
-    Column 0 is |log(A / B)|, where A and B are the moved fractions of the area of both shapes. Column 1 is the distance
-    between the absolute coordinates of both centers, so a left part equals its mirror image on the right.
+    Column 0 is |log(A / B)|, where A and B are the fractions of the area that the handle moves. Column 1 is the
+    distance between both centers. Each coordinate is replaced by its absolute value, so it is 0 for mirror images.
     """
     (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
     ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))
@@ -34,7 +34,7 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) in units of the diagonal."""
+    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) divided by the diagonal."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))

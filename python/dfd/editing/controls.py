@@ -46,8 +46,8 @@ class Controls(Brief):
     falloff: Annotated[
         Falloff,
         About(
-            "Curve of the weight from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, "
-            "sphere or constant.",
+            "Curve by which the weight falls from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, "
+            "sharp, root, sphere or constant.",
             metavar="CURVE",
         ),
     ] = DEFAULTS.falloff
@@ -79,8 +79,8 @@ class Controls(Brief):
     counterparts: Annotated[
         Counterparts,
         About(
-            "Counterparts move about their own pivots, about the handle's pivot (shared_pivot, as in the paper), or "
-            "not at all (only).",
+            "How counterparts move: about their own pivots, about the handle's pivot (shared_pivot, as in the paper), "
+            "or not at all (only).",
             metavar="own_pivot|shared_pivot|only",
             affects="pose",
             label="Counterparts",
@@ -93,7 +93,7 @@ class Controls(Brief):
     mask: Annotated[
         Annotated[Region, Tagged("kind")] | None,
         About(
-            "Region outside which nothing follows: part (the handle's part), part:NAME, group:NAME, 'x>0', "
+            "Region outside which no vertex follows: part (the handle's part), part:NAME, group:NAME, 'x>0', "
             "ball:x,y,z,r or box:x,y,z,x,y,z.",
             metavar="REGION",
         ),
@@ -101,7 +101,7 @@ class Controls(Brief):
     mask_feather: Annotated[
         float,
         About(
-            "Width over which the weight fades to 0 outside the mask, mesh units or % of the bounding box's diagonal.",
+            "Width of the fade to 0 outside the mask, in mesh units or % of the bounding box's diagonal.",
             0.0,
             LARGEST,
             metavar="W|P%",
@@ -124,7 +124,7 @@ class Controls(Brief):
 
     @cached_property
     def of_column(self) -> Controls:
-        """Return a copy with only the controls that change weights. All other controls get their defaults."""
+        """Return a copy in which all controls that do not change weights have their defaults."""
         return Controls(**{name: getattr(self, name) for name, said in CONTROLS.items() if said.affects == "weights"})
 
     def changed(self, **given: Any) -> Controls:

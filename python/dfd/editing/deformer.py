@@ -36,8 +36,8 @@ from dfd.weights.compact import CompactFeatures
 class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
-    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. Adding a
-    handle computes only its weights. With a linear blend, most frames of a drag compute only the handles that move.
+    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. A new
+    handle needs only its own weights. With a linear blend, most frames of a drag skip the handles that do not move.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -55,14 +55,14 @@ class Deformer(History):
     features
         (V, D) features of the vertices, or their compact form from `dfd.compact`. The session then evaluates the field
         only at handles and fixed points that are points in space. If left out, the session evaluates the field when it
-        first needs features. With the preset "default", it compacts the features if there are more than 16,384
+        first needs features. With the preset "default", it compacts the features of a mesh with more than 16,384
         vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
         Whether to accept a field of another shape.
 
     Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
     None and `other_shape` is False, also raises ValueError if the field was distilled from another shape, and warns if
-    vertices lie far outside that shape's box (`dfd.field.compatibility.check_compatible`).
+    vertices lie far outside that shape's bounding box (`dfd.field.compatibility.check_compatible`).
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
@@ -136,10 +136,10 @@ class Deformer(History):
         Parameters
         ----------
         at
-            The place: a vertex index, or any point (3,) in mesh units. It may also be an array of vertex indices, a
-            mask (V,) or a region of `dfd.editing.influence.regions`; the handle then holds all of these vertices. A
-            text is "part@1,2,3" for the part at a place, "piece@812" for that part without its counterparts, or one of
-            the texts of `dfd.editing.points.find`.
+            The place: a vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or a
+            region of `dfd.editing.influence.regions` makes all of these vertices the handle. A text is "part@1,2,3"
+            (the part at this point), "piece@812" (the part at vertex 812 without its counterparts), or one of the texts
+            of `dfd.editing.points.find`.
         translation
             (3,) in mesh units.
         rotation
@@ -147,16 +147,17 @@ class Deformer(History):
         scale
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
-            The center of rotation and scale: (3,) in mesh units, or a name. "base" is the center of the border between
-            the held part and the rest of the shape. The held part has all vertices with at least half of the largest
-            weight. "middle" is the middle of this part. "point" is the handle itself, or the center of its region.
-            "plane" is the point of the plane of symmetry nearest to the handle. "hinge" is the middle of the hinge, a
-            line through border points far from the tip. The default is "base" for a limb, else "middle". A limb has one
-            border, is longer than 0.75 times its width, and is no wheel. If the part lies on both sides of the plane of
-            symmetry, the default is moved onto the plane. With the preset "paper", the default is "point".
+            The center of rotation and scale: (3,) in mesh units, or a name. The *held part* has all vertices with at
+            least half of the handle's largest weight. "base" is the center of the border between the held part
+            and the rest of the shape. "middle" is the center of the held part. "point" is the handle itself, or the
+            center of its region. "plane" is the point of the plane of symmetry that is nearest to the handle. "hinge"
+            is the middle of the hinge, a line through the border points that are farthest from the tip. The default is
+            "base" for a limb, and "middle" for any other part. A limb has one border, is longer than 0.75 times its
+            width, and is not a disk such as a wheel. If the held part lies on both sides of the plane of symmetry, the
+            default is moved onto the plane. With the preset "paper", the default is "point".
         axes
             (3, 3) orthonormal vectors, one per row: the directions of the three factors of `scale`. "normal" is a frame
-            whose third vector is the surface's normal at the handle. If left out, these are the axes of the mesh.
+            whose third vector is the surface's normal at the handle. By default, they are the mesh's axes x, y and z.
         bend, towards
             `bend` is the angle in degrees by which the tip of the held part rotates. The rotation grows along the
             part's axis, from base to tip, and every cross-section moves rigidly. `towards` is the direction in which
@@ -167,8 +168,8 @@ class Deformer(History):
             Angle in degrees by which the tip rotates about the part's axis.
         joint
             The position of bend and twist on the axis. "spread", the default, distributes them over the whole length.
-            "auto" is the place where the resting part is bent or narrow. "here" is the place nearest to the handle. A
-            number is a position from 0 at the base to 1 at the tip.
+            "auto" is the place where the resting part is most bent or narrowest, such as a knee. "here" is the place
+            nearest to the handle. A number is a position from 0 at the base to 1 at the tip.
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
             `open` sets `rotation` and `pivot`.
@@ -180,8 +181,8 @@ class Deformer(History):
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
-        box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all weight from
-        the handle.
+        bounding box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all
+        weight from the handle.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
@@ -194,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The band becomes wider if a translation, rotation or scale moves the border further.
+        The farther a translation, rotation or scale moves the border, the wider is the band.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -249,8 +250,8 @@ class Deformer(History):
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
-        `at` is as in `add`. If `at` is a region, the result is the part at one vertex: the one that is nearest to the
-        region's center. `level` and `alike` are as in `dfd.Parts.part`.
+        `at` is as in `add`. If `at` is a region, the result is the part at the vertex that is nearest to the region's
+        center. `level` and `alike` are as in `dfd.Parts.part`.
 
         Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
@@ -289,13 +290,13 @@ class Deformer(History):
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
-        """Hold a point or a region in place, and all surface that looks like it (Eq. 6).
+        """Keep a point or a region in place, together with all surface that looks like it (Eq. 6).
 
-        `at` is as in `add`. The weights that the fixed point subtracts from those of handles are multiplied by
-        `strength`, in [0, 1]; Eq. 6 has no such factor.
+        `at` is as in `add`. `strength`, in [0, 1], multiplies the weights that the fixed point subtracts from the
+        weights of handles. In Eq. 6, the strength is 1.
 
         Raises ValueError if `at` is no place, or a handle or a fixed point is already there. Raises ValueError if
-        `strength` lies outside [0, 1], or with the preset "default", a handle would have no weight at its own place.
+        `strength` lies outside [0, 1], or a handle would lose all weight at its place (only with the preset "default").
         """
         place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
@@ -326,13 +327,13 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry: every handle also acts mirrored, on the other side of the plane (Eq. 8).
+        """Set the plane of symmetry. Vertices on the other side of it follow a handle's mirrored transform (Eq. 8).
 
         Parameters
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" has the most similar sides.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the plane whose sides look alike.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane
@@ -380,7 +381,7 @@ class Deformer(History):
 
     @property
     def weights(self) -> Float32:
-        """Return the weights (V, H) of the handles from features (Eq. 4 to 7), in the order of `handles`, read-only."""
+        """Return the weights (V, H) of `handles` by features (Eq. 4 to 7), read-only, for all counterparts together."""
         return self.bound.by_features.of(self.edit)[0]
 
     @property
@@ -430,9 +431,9 @@ class Deformer(History):
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
         A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. Places
-        of such an edit are also found by their positions, and lengths do not change. To transfer an edit by features,
-        use `dfd.editing.transfer` instead.
+        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. The
+        positions and lengths of such an edit do not change. To transfer an edit by features, use `dfd.editing.transfer`
+        instead.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
         The message names the key in the file and its value.

@@ -38,8 +38,8 @@ class Handle(Brief):
     Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
-    # id: never changes. In one session, no other handle gets this id, even after this handle is removed.
-    id: Annotated[int, About("Number of the handle; by default the smallest that no handle of the file has.", 1.0)]
+    # id: an identifier that never changes. No other handle of a session gets it, even after this handle is removed.
+    id: Annotated[int, About("Identifier; by default the smallest number that no handle of the file has.", 1.0)]
     place: Place  # on the resting shape
     transform: Transform = field(default_factory=Transform)
     controls: Controls = field(default_factory=Controls)
@@ -94,7 +94,7 @@ class Edit(Brief):
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: in a file also "x", "y" or "z": the plane perpendicular to this axis, through the center of the box
+    # symmetry: in a file also "x", "y" or "z", the plane perpendicular to this axis at the bounding box's center
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"

@@ -45,7 +45,7 @@ repeated keys, and numbers that are not finite raise an error, so a misspelt key
 
 `vertex` is used if it lies at `position`, or if there is no `position` and `mesh` does not describe another mesh. On
 another resolution, the vertex may lie elsewhere; `position` is then used, as a point in space. The keys of a handle's
-place, transform and controls are written directly in the handle's object. pydantic derives all other keys from `Edit`.
+place, transform and controls are written directly in the handle's object. All other keys are the fields of `EditFile`.
 """
 
 import json
@@ -77,7 +77,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector
 from dfd.symmetry.plane import AXES
 
-# Two bounding boxes count as those of one shape up to this distance of their corners, as a fraction of the diagonal.
+# Meshes count as one shape if the corners of their bounding boxes differ by at most this fraction of the diagonal.
 SAME_BOX = 0.05
 
 
@@ -105,7 +105,7 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """The files of the mesh and its field. Paths of files in the folder of the edit are relative, others absolute."""
+    """The files of the mesh and its field. Paths in the folder of the edit file are relative, all others absolute."""
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
@@ -134,7 +134,7 @@ def _keys(owner: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(owner) if each.init)
 
 
-# Fields of a handle or fixed point that have no object of their own in a file: their keys lie in the handle itself.
+# Fields that have no object of their own in a file: their keys are in the object of the handle or fixed point.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
 # Keys of a handle's transform that need the handle's part, so that the default transform lacks them.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
@@ -164,7 +164,7 @@ def edit_schema() -> dict[str, Any]:
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
-    """Write `edit`, made on `mesh`, to `path`. If `field` has a file, also write the paths of its file and the mesh's.
+    """Write `edit`, made on `mesh`, to `path`. If `field` has a file, also write the paths of the field and the mesh.
 
     Raises OSError if `path` cannot be written; an existing file then stays unchanged.
     """
@@ -299,7 +299,7 @@ def _moved(mesh: Mesh, said: Place) -> bool:
 
 
 def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
-    """Return the place on `mesh` for the place `said`, at the key `path` of a document made on the mesh `made`."""
+    """Return the place on `mesh` for `said`, the place at the key `path` of a document for the mesh `made`."""
     if said.region is not None:
         with within(f"{path}.region"):
             return place_on(mesh, said.region)
@@ -369,7 +369,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
 
 
 def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
-    """Return a handle or fixed point with `defaults`, an object for each of `groups`, and if needed an id of `free`."""
+    """Return a handle or fixed point with `defaults`, an object for each of `groups`, and an id of `free` if needed."""
     if not isinstance(entry, dict):
         return entry
     given = {**defaults, **entry}
@@ -393,7 +393,7 @@ PHRASES = {  # patterns in pydantic's messages, and the words that replace them
 def _reported(error: ValidationError) -> tuple[str, str]:
     """Return the key of the first error, and its reason in the words of this package."""
     errors = error.errors(include_url=False)
-    # A union has an error for each of its types: report the longest path, and for a text the error with its choices.
+    # pydantic gives one error for each type of a union. Report the longest path, and for a text the error with choices.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),

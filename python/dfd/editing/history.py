@@ -14,8 +14,8 @@ class History:
     def __init__(self, start: Edit) -> None:
         self._states = [start]
         self._now = 0
-        self._floor = 0  # index of the oldest state that `undo` can reach: inside `step`, the state at its beginning
-        self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None joins no step
+        self._floor = 0  # index of the oldest state that `undo` can reach; in a `step` block, the block's first state
+        self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None if no step may join it
 
     @property
     def edit(self) -> Edit:

@@ -21,8 +21,7 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# The direction of each word: the index of an axis, and a sign. A viewer in front of the shape sees its "left" on the
-# left.
+# The direction of each word: the index of an axis, and a sign. "left" is on the left of a viewer in front of the shape.
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
@@ -33,7 +32,7 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)  # position of a place whose po
 class Place(Brief):
     """The place of a handle or a fixed point on the resting shape: a vertex, a region, or a point in space.
 
-    Raises ValueError if it has no vertex, position or region, or a number is out of its bounds.
+    Raises ValueError if the place has no vertex, position or region, or a number is out of its bounds.
     """
 
     # position: (3,) in mesh units; for a region, the center of its bounding box. If a file has no position, it is

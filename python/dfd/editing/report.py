@@ -11,7 +11,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
 # Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex counts as moved if it moves further.
-# A handle counts as arrived if its distance from its target is not larger.
+# A handle counts as arrived if its distance from its target is at most this.
 VISIBLE = 1e-3
 
 
@@ -21,14 +21,14 @@ class HandleReport:
 
     id: int
     name: str | None
-    vertex: int  # the vertex that stands for the handle: its own, the nearest one, or the central one of a region
-    target: Vector  # (3,) position of `vertex` under the handle's transform, mesh units
+    vertex: int  # the handle's vertex, or the vertex nearest to its point or to the center of its region
+    target: Vector  # (3,) position to which the handle's transform should move `vertex`, mesh units
     landed: Vector  # (3,) posed position of `vertex`, mesh units
     missing: float  # the distance between `target` and `landed`, mesh units
     arrived: bool  # whether `missing` is at most 0.1 % of the bounding-box diagonal, which is too small to see
     mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
     counterparts: int  # number of counterparts that move about their own pivots; 1 if all share one pivot
-    along_with: tuple[int, ...] = ()  # ids of other handles that also move this handle, whose part lies in theirs
+    along_with: tuple[int, ...] = ()  # ids of handles that also move this handle, because their parts contain its part
 
     def __str__(self) -> str:
         """Return the result in a few words."""

@@ -15,12 +15,12 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    If only the transforms of at most half of the handles change, and no blend band, a `dfd.Drag` stores the sum over
-    all other handles. Then only the handles that move are computed.
+    If an edit changes only the transforms of at most half of the handles, and no blend band (`Grips.band`), a
+    `dfd.Drag` stores the sum over all other handles. Then only the handles that move are computed.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
-        """Pose `mesh` with `weights`. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
+        """Store the arguments. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
         self._mesh = mesh
         self._weights = weights
         self._bands_of = bands_of
@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    If displacements are added and there is no D₀, handles at rest move no vertex, so the key leaves them out.
+    If displacements are added and there is no default transform, handles at rest move no vertex. The key omits them.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

@@ -23,9 +23,9 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
 # A handle moves to one of several candidates: vertices whose feature distance exceeds the smallest one by at most this
-# number. The most similar position is chosen, because features hardly distinguish a left leg from a right leg.
+# number. The candidate at the most similar position is chosen, because left and right legs have nearly equal features.
 CANDIDATE_MARGIN = 0.1
-MOST_POSITIONS = 2048  # at most this many vertices of a set are transferred, evenly spaced in the set
+MOST_POSITIONS = 2048  # largest number of transferred vertices of a vertex set; they are evenly spaced in the set
 SAMPLE = 4096  # number of surface samples from which the mean feature of a shape is computed
 # The settings in which two fields must agree. Otherwise, their features cannot be compared.
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
@@ -38,7 +38,7 @@ Scaled = TypeVar("Scaled", bound="Controls | Transform | Region")
 class Transferred:
     """An edit on another shape, and how similar its places are to the places on the first shape.
 
-    A similarity, in [0, 1], is the cosine between two features, from which the means of their shapes are subtracted.
+    A similarity, in [0, 1], is the cosine between two features after the mean feature of each shape is subtracted.
     """
 
     edit: Edit  # the edit on the other mesh
@@ -155,7 +155,7 @@ class EditTransfer:
         return float(np.dot(on_plane, plane.normal))
 
     def nearest(self, positions: Float64) -> tuple[Int64, Float64]:
-        """Return for each of at most `MOST_POSITIONS` positions the most similar vertex, (N,), and its cosine, (N,)."""
+        """Return the most similar vertices (N,) and their similarities (N,), for at most `MOST_POSITIONS` positions."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)

@@ -85,7 +85,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) ->
 
 
 def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return `at`, or the part that this text names: "part@812", "piece@812" (no counterparts) or "part" (at `own`)."""
+    """Return `at`. Some texts give a part: "part@812", "piece@812" (no counterparts) or "part" (the part at `own`)."""
     if not isinstance(at, str):
         return at
     if at == "part" and own is not None:
@@ -95,7 +95,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the `given` values, except those for `_on_part`. The axes "normal" become numbers."""
+    """Return `transform` with the `given` values, except those for `_on_part`. The axes "normal" become vectors."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
     if isinstance(axes, str) and axes != "auto":
@@ -118,7 +118,7 @@ def _of_part(name: str, value: Any) -> bool:
 def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
     """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
 
-    The default pivot is chosen at the first rotation or scale (`before` has none), or if the pivot "auto" is given.
+    The default pivot is chosen if `before`, the earlier transform, has no rotation or scale, or if "auto" is given.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
     held = edit.handle(handle)

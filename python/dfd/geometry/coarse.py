@@ -18,12 +18,12 @@ from dfd.geometry.topology import face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # largest number of vertices of a mesh in which each vertex is a node
-CELLS = 100  # number of grid cells, for clustering, along the longest side of the mesh's bounding box
+CELLS = 100  # number of grid cells along the longest side of the mesh's bounding box
 RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 
 class Share(NamedTuple):
-    """Shares in [0, 1] of the vertices of a mesh, stored as the vertices with a share above 0 and these shares."""
+    """A number in [0, 1], called share, for each vertex of a mesh. Only shares above 0 are stored."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -152,7 +152,7 @@ def _clustered(mesh: Mesh, links: Int32) -> Int32:
 
 
 def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> csr_array:
-    """Return the graph (N, N) of neighboring nodes, whose entries are the distances between their centers (N, 3)."""
+    """Return the graph (N, N) of neighboring nodes. Its entries are the distances between the centers of the nodes."""
     found = [np.zeros((0, 2), np.int64)]
     for ends in _edges(mesh, links):
         nodes = of_vertex[ends]

@@ -23,7 +23,7 @@ class Finding:
     means: str  # the effect of the property, as a sentence
 
 
-# Each row has the name of a count in `Topology`, the words after this number (one, many), the property and its effect.
+# Each row has the name of a count in `Topology`, the words after the count (singular, plural), property and effect.
 _DEFECTS = (
     ("unreferenced_vertices", "vertex belongs", "vertices belong", "{} to no face.",
      "Pictures do not show such vertices, but they have weights and move."),

@@ -19,7 +19,7 @@ from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
 _SAMPLES = 6_000  # number of vertices of a large mesh at which distances are computed; more hardly reduce the error
-_LONGEST_EDGE = 1.5  # largest length of edges that are not split, in spacings of the samples
+_LONGEST_EDGE = 1.5  # longer edges are split; in units of the spacing between samples
 
 
 @dataclass(frozen=True)

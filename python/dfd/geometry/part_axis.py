@@ -28,11 +28,11 @@ STOUT = 0.4  # if radius divided by length is above this, parameters stay the sc
 ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no outlier sets the tip
 ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
 FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
-RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, in radii at the base
+RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, divided by the radius at the base
 NEAR_JOINT = 0.12  # joints whose parameter differs from the handle's by at most this are preferred
 SLENDER = 0.75  # the length of a limb, divided by its width, is above this
-# A part is a wheel if its middle variance exceeds ROUND times the largest, and its smallest is below FLAT times the
-# largest.
+# A part is a wheel if, of the variances along its principal axes, the middle one exceeds ROUND times the largest, and
+# the smallest is below FLAT times the largest.
 ROUND, FLAT = 0.95, 0.7
 ATTACHED = 0.5  # regions around a part are attached to it if their area is at most this share of the largest region's
 SMALL_COMPONENT = 0.05  # components of a region have no axis if their area is at most this share of the largest one's
@@ -46,7 +46,7 @@ class PartAxis:
     parameter: Float64  # (N,) curve parameter of each vertex; nearly constant in an attached region far from the part
     nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
     radius: Float64  # (33,) root mean squared distance of the surface from the curve
-    border: Float64  # (B, 3) positions in the part beside the rest of the shape, or at one end if there is no rest
+    border: Float64  # (B, 3) positions at the border with the rest of the shape, or at one end if there is no rest
     borders: int  # number of separate borders with the rest of the shape
     middle: Float64  # (3,) center of the part's surface
     rest: Float64  # (3,) center of the rest of the shape near the base
@@ -170,7 +170,7 @@ class PartAxes:
         beside = np.zeros(len(inside), bool)
         beside[graph[own].indices] = True
         outside = np.flatnonzero(~inside)
-        region = np.full(len(inside), -1)  # number of the connected region of each node outside the part
+        region = np.full(len(inside), -1)  # index of the connected region of each node outside the part
         region[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
         area = np.bincount(region[outside], self._areas[outside])
         around = np.unique(region[beside & ~inside])
@@ -235,7 +235,7 @@ class PartAxes:
         return vertices, (found[:, 1] + (found[:, 2:] * points).sum(axis=1)) / found[:, 0]
 
     def _end(self, local: csr_matrix, own: Int64) -> Int64:
-        """Return the base of a part without borders, as indices (K,) in `own`: its end nearer to the shape's center."""
+        """Return the base of a part without borders, as indices (K,) in `own`: the end nearer to the shape's center."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
         away = dijkstra(local, indices=one)
@@ -247,7 +247,7 @@ class PartAxes:
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
     def _curve(self, own: Int64, faces: Int32, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
-        """Return the curve (33, 3), its radius (33,) and the parameters (M,) of nodes `own`; None if `faces` lack area.
+        """Return the curve (33, 3), its radius (33,) and the parameters (M,) of `own`; None if all `faces` have area 0.
 
         The curve is a principal curve (Hastie and Stuetzle 1989). The first parameters are the distances `away` (M,)
         from the base, scaled to [0, 1]. In each round, a point of the curve is the mean of the samples with nearly the

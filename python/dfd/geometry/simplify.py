@@ -33,7 +33,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
-    # On flat regions, the optimal position of a merged vertex may be far away, so positions are clamped to the box.
+    # On flat surface, the optimal position of a merged vertex may be far away. Clamp positions to the bounding box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
     if mesh.appearance is None:

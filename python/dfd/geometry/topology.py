@@ -76,7 +76,7 @@ def first_at_place(mesh: Mesh) -> Int32:
 
 
 def face_components(faces: Int32) -> Int32:
-    """Return the component number (F,) of each of `faces` (F, 3). Connected components are numbered from 0."""
+    """Return the index (F,) of the connected component of each of `faces` (F, 3), counted from 0."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
     numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
@@ -151,7 +151,7 @@ def sample_surface(
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
     """Place `counts[f]` points on face f. Return the face (N,) of each point, ascending, and barycentric rows (N, 3).
 
-    The points on a face cover it evenly; the first point is its center. They are the additive sequence of Roberts, "The
+    The points cover a face evenly; the first point is the center. They are the additive sequence of Roberts, "The
     unreasonable effectiveness of quasirandom sequences", 2018.
     """
     ends = np.cumsum(counts)

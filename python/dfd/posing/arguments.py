@@ -34,7 +34,7 @@ def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
 
 
 def empty_like(points: NDArray[Any]) -> NDArray[Any]:
-    """Return a new array of the same array shape and type as `points`."""
+    """Return a new uninitialized array with the array shape and type of `points`."""
     return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
 
 

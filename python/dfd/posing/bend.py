@@ -79,14 +79,14 @@ class Sections:
         at = np.asarray(parameter[moving], np.float64) * STEPS
         self._below = np.minimum(at.astype(np.int64), STEPS - 1)
         above = at - self._below
-        self._shares = np.stack([1 - above, above], axis=1)
+        self._shares = np.stack([1 - above, above], axis=1)  # weights of the two nearest maps of each vertex
         self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32).ravel()
         self._rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
         self._rest = np.full((len(moving), 3), np.nan)  # the positions in the previous call of `move`
-        self._products = np.empty(8 * len(moving))  # these positions, multiplied by the shares
+        self._products = np.empty(8 * len(moving))  # these positions (x, y, z, 1), multiplied by `_shares`
 
     def move(self, points: Float64, maps: Float64) -> None:
-        """Move the vertices in `points` (V, 3), in place, by `maps` (513, 3, 4), interpolated to each parameter."""
+        """Move the vertices in `points` (V, 3), in place, by `maps` (513, 3, 4), interpolated at their parameters."""
         moves = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(moves.argmax()) - 1)) if moves.any() else len(self._below)
         rest = points[self.vertices]

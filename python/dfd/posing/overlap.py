@@ -9,7 +9,7 @@ SINGULAR = 1e-5
 
 
 def interpolating(function: str, handle_weights: Float64) -> Float64:
-    """Return the inverse (H, H) of `handle_weights` (H, H), which has in row j the weights at the position of handle j.
+    """Return the inverse of `handle_weights` (H, H), whose row j has the weights of all handles at handle j.
 
     After multiplication by the inverse, the weight of a handle is 1 at its own position, and 0 at other handles.
 

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-# The number of each rule in the kernels. "interpolate" is "add" with weights that were multiplied by `_Rule.mixing`.
+# The index of each rule in the kernels. "interpolate" is "add" with weights that were multiplied by `_Rule.mixing`.
 KERNEL_OVERLAPS = {"add": 0, "interpolate": 0, "paper": 1, "normalize": 2}
-Blend = Literal["linear", "dual_quaternion"]  # numbered as in the kernels
+Blend = Literal["linear", "dual_quaternion"]  # in the order of the kernels
 
 Out = TypeVar("Out")
 
@@ -125,9 +125,9 @@ def pose(
     normals
         (V, 3) unit normals to transform too, by the cofactor matrix of each vertex's blended transform.
     overlap
-        The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also scales the vertex
-        about the origin. "add": displacements are added, so identity transforms move nothing. "normalize": weights are
-        divided by their sum. "interpolate": weights are multiplied by the inverse of `handle_weights`, and
+        The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also multiplies their
+        positions by this sum. "add": displacements are added, so identity transforms move nothing. "normalize": weights
+        are divided by their sum. "interpolate": weights are multiplied by the inverse of `handle_weights`, and the
         displacements are added. Each handle then moves exactly to its target, except in the band of a mirror plane.
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
@@ -143,7 +143,7 @@ def pose(
     vertices
         (V, 3) in mesh units: float32 if `vertices` is float32 or float16, else float64. A torch tensor if `vertices` is
         one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. The result of a linear
-        blend can be differentiated by `vertices`, `weights` and `transforms`.
+        blend has gradients with respect to `vertices`, `weights` and `transforms`.
 
     Raises ValueError if array shapes disagree, a value is not finite, a transform is not affine, or `out` has another
     array shape or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient
@@ -179,7 +179,7 @@ def pose(
 
 
 class Drag:
-    """A series of poses in which only some handles move. The sum over all other handles is computed once.
+    """A series of poses in which only some handles move. The sum of the displacements by all others is computed once.
 
     The parameters are those of `dfd.pose`, and `moving`: the indices of the handles that move. `transforms` are those
     at the start of the drag. With dual quaternions, there is no such sum: each pose takes as long as `dfd.pose`.
@@ -199,7 +199,7 @@ class Drag:
         overlap: Overlap = "paper",
         blend: Blend = "linear",
     ) -> None:
-        """Compute the sum over the handles that do not move.
+        """Compute the sum of the displacements by the handles that do not move.
 
         Raises ValueError as `dfd.pose` does, or if `moving` is out of range or contains a handle twice.
         """

@@ -73,7 +73,7 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    R rotates, S scales, and the columns of A are `axes`. Before that, the part that the handle holds bends and twists.
+    R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part.
 
     Raises ValueError if an attribute has a wrong array shape or is not finite, a rotation is the quaternion 0 or
     outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given
@@ -90,7 +90,7 @@ class Transform(Brief):
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None
     # The name of the pivot, as in `Deformer.add`; None if the pivot was given as a position.
-    pivot_at: Annotated[PivotAt | None, _of_part("Name of the pivot's place on the held part.")] = None
+    pivot_at: Annotated[PivotAt | None, _of_part("Place of the pivot on the held part, as a word such as base.")] = None
     bend: Annotated[Vector, MOTIONS["bend"]] = (0.0, 0.0, 0.0)  # rotation vector of the held part's tip, in degrees
     twist: Annotated[float, MOTIONS["twist"]] = 0.0  # rotation of the tip about the part's axis, in degrees
     # The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.

@@ -63,12 +63,12 @@ def bind(
     ----------
     features
         (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
-        compact features from `dfd.compact`: binding is then many times faster, and weights stay within the tolerance.
+        compact features: binding is then many times faster, and weights stay within the tolerance of `dfd.compact`.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
-        region comes from the member with the nearest feature. At most 32 members are used: those whose features differ
-        most, and by more than 0.001. They are chosen from at most 8,192 members, evenly spaced in the item.
+        region depends on the member of the region with the most similar feature. At most 32 members are used: those
+        whose features differ most, and by more than 0.001. They are chosen from at most 8,192 evenly spaced members.
     fixed
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.

@@ -1,4 +1,4 @@
-"""Convert handles and fixed points for the kernels. Each is a single point or a region, which has several members."""
+"""Convert handles and fixed points for the kernels. Each of them is a point, or a region with several members."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,8 +23,8 @@ Source = Float32 | CompactFeatures
 class Targets:
     """The points from which a kernel measures feature distances."""
 
-    points: Int64 | Float32  # (N,) vertex indices, or (N, d) rows: features, or entries of compact features in steps
-    offsets: Float32 | None  # (N,) numbers added to squared distances from entries; None for vertices and features
+    points: Int64 | Float32  # (N,) vertex indices, or (N, d) rows: features, or stored entries of compact features
+    offsets: Float32 | None  # (N,) numbers to add to squared distances from these entries; None for other points
     members: NDArray[np.uint32] | None  # (H,) how many consecutive points each handle has; None if each has 1
 
     def __len__(self) -> int:
@@ -100,7 +100,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
-    """Return the region with at most `MOST_MEMBERS` points: its first, then always the farthest from those chosen."""
+    """Return the region with at most `MOST_MEMBERS` points, whose features differ most (farthest-point sampling)."""
     count = len(region.points)
     if count <= 1:
         return region

@@ -21,7 +21,7 @@ LEAST_NESTED = 0.8  # component A is nested in component B if at least this frac
 def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
     """Return two masks (C, C): whether components i and j are the same, and whether component i is nested in j.
 
-    `held` (C, N) says which surface samples a component contains. A sample stands for `sizes` (N,) vertices.
+    `held` (C, N) says which of N surface samples a component contains. Sample n stands for `sizes[n]` vertices.
     """
     weighted = held.astype(np.float64) * sizes
     common = weighted @ held.T
@@ -33,7 +33,7 @@ def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
 
 
 def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
-    """Return the columns that remain: for each component, those of the handles on it, or if none, the first column.
+    """Return the indices of the columns that remain: those of the handles on a component, or else its first column.
 
     `handle_of` (C,) is the handle of each column. A handle lies on the component of its first column.
     """
@@ -51,9 +51,9 @@ def divided(
 ) -> list[Share]:
     """Return the weights of C `columns`, lowered so that every handle reaches its target.
 
-    Columns whose components lie inside equally many others then sum to at most 1 at each vertex. `points` (V, 3) are
-    the vertices. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested`
-    (C, C) are the results of `same_and_nested`.
+    At each vertex, the sum of columns whose components are nested equally deep is at most 1. `points` (V, 3) are the
+    vertices. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested` (C, C)
+    are the results of `same_and_nested`.
     """
     result = list(columns)
 

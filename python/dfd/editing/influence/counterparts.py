@@ -23,9 +23,10 @@ from dfd.segmentation.parts import Grip
 from dfd.symmetry.plane import SymmetryPlane
 
 MOST_COUNTERPARTS = 64  # the largest number of counterparts of a handle, because each needs a column of weights
+# A counterpart's share at a mesh node (`dfd.geometry.coarse`) is its fraction of the handle's weight at this node.
 SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
 SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
-BOX_MARGIN = 0.1  # the box of a component is enlarged at each end by this fraction of its length
+BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length
 # The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
 # largest weight of the component.
 IMAGE_TOLERANCE = 0.05
@@ -40,8 +41,8 @@ class Counterpart:
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     weight: float = 1.0  # the handle's weight at `vertex`, by features alone
-    share: Share | None = None  # fraction of the handle's weight that it gets at each vertex; None is 1 everywhere
-    # image: (3, 4) isometry that maps the component at the handle onto this one; None if they are no mirror images
+    share: Share | None = None  # fraction of the handle's weight for this counterpart at each vertex; None means 1
+    # image: (3, 4) isometry that maps the component at the handle onto this component; None if it is no mirror image
     image: Float64 | None = None
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
@@ -63,7 +64,7 @@ class Column(NamedTuple):
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
 
     def matrix(self, edit: Edit) -> Float64:
-        """Return the transform (3, 4) of the column, in mesh units: the handle's, mapped to the counterpart."""
+        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
         handle = edit.handles[self.handle]
         return self.counterpart.transform(handle.matrix, handle.place.position)
 
@@ -88,8 +89,8 @@ def find_counterparts(
     """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
 
     `weights` (V,) are the handle's weights by features alone (Eq. 4 and 5). `grip` is the part at the handle, and each
-    of its components has one counterpart. `planes` are the planes of symmetry of the shape. Outside the part, the
-    shares of counterparts are 0, unless `everywhere` is True, for weights that do not end at the part's border.
+    of its components has one counterpart. `planes` are the planes of symmetry of the shape. `everywhere` must be True
+    if the handle's weights do not end at the part's border. Otherwise, the shares outside the part are 0.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]
@@ -135,10 +136,10 @@ def find_counterparts(
 
 
 def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
-    """Return `component` (N,), the number of the part's component at each mesh node, after two changes.
+    """Return `component` (N,), the index of the part's component at each mesh node, after two changes.
 
-    A component joins a larger one if its center lies in the larger one's box and the mesh does not connect them. For
-    example, a hub joins its tire. If the node of the handle's `vertex` has no component, it joins the nearest one.
+    A component joins a larger one if its center lies in the bounding box of the larger one and the mesh does not
+    connect the two, such as a hub and its tire. If the node of `vertex` has no component, it joins the nearest one.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)
@@ -186,10 +187,10 @@ def _image(
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> Float64 | None:
-    """Return the isometry (3, 4) from the handle's component to `surface`; None if they are no mirror images.
+    """Return the isometry (3, 4) from the handle's component to `surface`; None if the two are no mirror images.
 
     The planes of the whole shape are tried first, then a plane fitted to two components. `surface` can also be the
-    mirror image of another mirror image in `found`. `surfaces` are the surfaces of `found`, in the same order.
+    mirror image of another mirror image in `found`. The first items of `surfaces` are the surfaces of `found`.
     """
     if surface is None:
         return None
@@ -214,9 +215,9 @@ def _corresponding(
 ) -> tuple[int, Float64]:
     """Return the vertex of a component that corresponds to the handle, and its frame (3, 3).
 
-    `inside` (N,) is True for the component's mesh nodes. `peak` is its vertex with the highest weight. The result is
-    the vertex at the mirror image of a counterpart in `found`, if its weight is nearly as high as that of `peak`.
-    Otherwise the result is `peak`, with a frame that is reflected in each plane between `peak` and the handle.
+    `inside` (N,) is True for the component's mesh nodes. `peak` is the component's vertex with the highest weight. The
+    result is the vertex at the mirror image of a counterpart in `found`, if this vertex has nearly the weight of
+    `peak`. Otherwise, it is `peak`, with a frame that is reflected in each plane between `peak` and the handle.
     """
     nodes = nodes_of(mesh)
     for plane in planes:

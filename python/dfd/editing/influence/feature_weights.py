@@ -18,7 +18,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
-# The weights of a handle are divided by the weight that fixed points leave at the handle, if it is at least LEAST_LEFT.
+# All weights of a handle are divided by the weight at the handle itself, if fixed points leave at least LEAST_LEFT.
 LEAST_LEFT = 0.01
 # As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
 # handle and the vertices of the part, and at least LEAST_REACH.
@@ -29,7 +29,7 @@ class Key(NamedTuple):
     """Cache key: everything that changes a column of weights."""
 
     place: Place
-    band: float  # the width of the blend band, as a fraction of its largest width
+    band: float  # width of the blend band, as in `Grips.grip`
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality and radius
     exact: bool  # whether these distances are exact, see `_falloff`
@@ -49,8 +49,8 @@ class FeatureWeights:
         self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced if a column changes
         self._keys: list[Key] = []
         self._subtracted: Recent[Float32] = Recent(1)
-        self._geodesics: dict[bool, Geodesics] = {}  # by whether they are exact, built at the first use
-        self._distances: dict[tuple[bool, int], Float32] = {}  # distances (V,) from each source that a handle needs
+        self._geodesics: dict[bool, Geodesics] = {}  # key: whether distances are exact
+        self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
         self._reaches: dict[Place, float] = {}
 
     def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
@@ -91,7 +91,7 @@ class FeatureWeights:
         return self._subtracted.get(fixed, find)
 
     def reach(self, handle: Handle) -> float:
-        """Return the handle's `reach`, a feature distance. For "part", return one with a similar effect."""
+        """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
         place = handle.place
         if handle.controls.reach != "part":
             return handle.controls.reach
@@ -104,7 +104,7 @@ class FeatureWeights:
         return self._reaches.get(place, PARTLESS_REACH)
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return the factor (1 − G)^λ of Eq. 7 for a handle at each of `vertices` (N,), as an array (N,)."""
+        """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
         distances, power = self._falloff(self._key(handle, edit, BANDS[0]))
         if distances is None:
             return np.ones(len(vertices))
@@ -173,7 +173,7 @@ class FeatureWeights:
         """Write the weights of a handle (Eq. 4 to 7) to `column` (V,)."""
         place, controls, fixed = key.place, key.controls, key.fixed
         part = self._grips.part(place, key.band) if controls.reach == "part" else None
-        # Inside a part, all weights are 1. So the reach is much larger than all feature distances.
+        # Inside a part, all weights must be 1. So the reach is much larger than all feature distances.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach
         geodesic, locality = self._falloff(key)
@@ -190,7 +190,7 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # `bind` represents a region by some vertices. Give all of its vertices the weight of a handle at the vertex.
+        # `bind` uses only some vertices of a region. Here, each vertex of the region gets the weight of its own handle.
         if place.region is not None:
             own = self._rows.members(place.region)
             free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)

@@ -32,8 +32,8 @@ class Grips:
     def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
         """Compute all data that does not depend on a place, and return the parts of the mesh.
 
-        It takes seconds for a million faces, and may run on another thread. `planes` are the result of
-        `symmetry_planes`. `parts` is the result of this method in another session of the same mesh and field, if any.
+        A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
+        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be its result.
         """
         if parts is None:
             parts = self.parts
@@ -52,15 +52,15 @@ class Grips:
         return symmetry_planes(self._field, self._mesh)
 
     def grip(self, place: Place, band: float = BANDS[0]) -> Grip | None:
-        """Return the part at a place, with all of its components; None if there is no part, such as on a ball.
+        """Return the part at a place, including all counterparts; None if there is no part, such as on a ball.
 
-        `band` is the width of the blend band, as a fraction of its largest width. In this band along the border of the
-        part, weights fall from 1 to 0.
+        In the blend band, a strip along the border of the part, weights fall from 1 to 0. `band` is the width of this
+        strip, divided by the largest width that it may have.
         """
         return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
 
     def band(self, handle: Handle) -> float:
-        """Return the width of a handle's blend band, as in `grip`. It is the smallest one at rest or without a part."""
+        """Return the argument `band` of `grip` for a handle. A handle at rest or without a part gets the smallest."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
             return BANDS[0]
         place = handle.place

@@ -23,7 +23,7 @@ MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
 
 class HandleFeatures:
-    """The features of the vertices of one mesh, stored in full or compact, and of points in space and regions."""
+    """The features of vertices, regions and points in space on one mesh. The vertices' features are stored."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         """Store `features` (V, D). If they are None, evaluate the field when features are first needed.
@@ -46,13 +46,13 @@ class HandleFeatures:
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """Return the features (V, D). Features that were not given are compact above 16,384 vertices, unless `full`."""
+        """Return the features (V, D), compact above 16,384 vertices unless they were given or `full` is True."""
         self.prepare()
         assert self._features is not None
         return self._features
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
-        """Evaluate the features, unless they exist. Each call of `progress` gets the number of rows since the last."""
+        """Evaluate the features, unless they exist. `progress` gets the number of rows since its previous call."""
         if self._features is not None:
             return
         if len(self._mesh.vertices) > MOST_EXACT and not self.full:
@@ -69,7 +69,7 @@ class HandleFeatures:
         return self._members[region]
 
     def inside(self, region: Region, width: float) -> Float32:
-        """Return a factor for each vertex, (V,): 1 in a region, and smoothly 0 at the distance `width`, mesh units."""
+        """Return a factor for each vertex, (V,): 1 in a region, falling smoothly to 0 at `width` mesh units from it."""
         inside = np.zeros(len(self._mesh.vertices), np.float32)
         if width == 0.0:
             inside[self.members(region)] = 1.0

@@ -22,8 +22,8 @@ from dfd.mesh.mesh import Mesh
 
 COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-# `equalize` raises the weights of a counterpart only if the handle's weight there, by features alone, is at least
-# LEAST_ALIKE. The final weight there, without locality, must also be at least LEAST_EQUALIZED times that at the handle.
+# `equalize` raises the weights of a counterpart only if two values there are large enough: the handle's weight by
+# features alone (LEAST_ALIKE), and the final weight before locality, divided by that at the handle (LEAST_EQUALIZED).
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
 
 
@@ -100,11 +100,11 @@ class HandleWeights:
         return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
     def counterparts(self, edit: Edit, handle: Handle, band: float | None = None) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, and whether each moves with it. The first is the handle itself.
+        """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
         Each place in `excluded_counterparts` excludes one counterpart: the one with the largest share at this place, or
-        the nearest one if all shares there are 0. The first counterpart always moves. `band` is the width of the blend
-        band, as a fraction of its largest width. None uses the width for the handle's transform.
+        the nearest one if all shares there are 0. The first counterpart always moves. `band` is as in `Grips.grip`. If
+        it is None, the handle's transform determines the width.
         """
         everywhere = handle.controls.reach != "part"
         band = self.grips.band(handle) if band is None else band
@@ -211,7 +211,7 @@ def _sparse(weights: Float32) -> Share:
 def _equalized(
     weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
 ) -> list[Share]:
-    """Multiply the `portions` of similar counterparts, so that their weights are as high as those at the handle.
+    """Multiply the `portions` of similar counterparts, so that each counterpart has the same weight as the handle.
 
     The factors compensate for differences between features. They do not compensate for locality, whose factor at each
     counterpart is `near` (N,). The sum of the results at a vertex is limited to the maximum of `weights`.

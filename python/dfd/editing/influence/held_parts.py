@@ -20,7 +20,6 @@ from dfd.symmetry.plane import SymmetryPlane
 
 PART_THRESHOLD = 0.5  # the held part consists of the vertices with at least this fraction of the largest weight
 UP = np.array([0.0, 1.0, 0.0])
-# The names of directions that `towards` accepts.
 TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
 TOWARDS["back"] = (0, 0, -1)
 LEAST_ON_SIDE = 0.1  # a component lies across a plane if more than this fraction of its vertices is on each side
@@ -33,8 +32,8 @@ class HeldPart:
 
     axis: PartAxis  # curve from the base of the component to its tip
     amount: float  # factor in [0, 1] of the handle's bend and twist
-    # carry: (3, 3) maps the handle's rotation vectors to this component. It rotates the axis of the component at the
-    # handle onto this axis, and mirrors rotation vectors if this component is a mirror image.
+    # carry: (3, 3) maps the handle's rotation vectors to this component. The matrix rotates the axis of the component
+    # at the handle onto the axis of this component. If this component is a mirror image, it also mirrors the vectors.
     carry: Float64
     handedness: float  # 1, or −1 for a mirror image, which twists in the opposite direction
     sections: Sections  # the vertices of the component in the order along its axis
@@ -74,7 +73,7 @@ def held_parts(
 
 
 def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
-    """Return the vertices (V, 3) of `mesh`, bent and twisted. `parts` has the components for each handle's index.
+    """Return the vertices (V, 3) of `mesh`, bent and twisted. `parts` maps the index of each handle to its components.
 
     Smaller components bend first. So if a shin and its thigh bend, the thigh moves the bent shin.
     """
@@ -104,7 +103,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return a rotation (3, 3) of `one` onto `other`. It aligns their horizontal normals too, if none is upright."""
+    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, it aligns their horizontal normals."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []
@@ -131,7 +130,7 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
     The tip moves `towards` a direction (3,) or a name in `TOWARDS`. By default, it moves up. The tip of an upright
     component moves to the front.
 
-    Raises ValueError if `towards` is neither, or is parallel to the axis of `part`.
+    Raises ValueError if `towards` is no direction or name, or is parallel to the axis of `part`.
     """
     along = part.axis.direction
     if towards is None:

@@ -14,9 +14,9 @@ SAMPLES = 1000  # number of surface samples of a component
 KEPT = 0.85  # a fit uses this fraction of the samples, the nearest ones, because components can end differently
 ROUNDS = 12  # number of rounds, each of which matches samples and fits the plane to the matches
 # A reflection is accepted if its misfit (see `_misfit`) is at most SHAPE_FIT for a plane of the whole shape, or at most
-# PAIR_FIT for a plane of two components alone.
+# PAIR_FIT for a plane that was fitted to the two components.
 SHAPE_FIT, PAIR_FIT = 0.06, 0.035
-LEAST_GAIN = 1.25  # the misfit of a translation must be more than this times the misfit of a plane of the pair
+LEAST_GAIN = 1.25  # the misfit of a translation must be more than this times the misfit of the fitted plane
 
 
 class Component(NamedTuple):
@@ -25,7 +25,7 @@ class Component(NamedTuple):
     points: Float64  # (N, 3) positions in mesh units
     normals: Float64  # (N, 3) unit normals
     tree: cKDTree  # search tree of `points`
-    size: float  # diagonal of the box of `points`, in mesh units
+    size: float  # diagonal of the bounding box of `points`, in mesh units
 
 
 def component_of(vertices: Float64, faces: Int32) -> Component | None:

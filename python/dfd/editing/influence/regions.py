@@ -20,7 +20,7 @@ from dfd.posing.transforms import Vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-# Positions are equal if their distance is at most this fraction of the box's diagonal. Files round them to float32.
+# Positions count as equal up to this fraction of the bounding box's diagonal, because files store 32-bit floats.
 SAME_POSITION = 1e-5
 # On a finer mesh, a vertex belongs to a `VertexSet` if its distance from the nearest position of the set is below this
 # fraction of the set's median spacing.
@@ -34,7 +34,7 @@ class RegionBase:
         check_fields(self)
 
     def away(self, points: Float64) -> Float64:
-        """Return the distances (N,) of `points` (N, 3) from the region, in mesh units. They are at most 0 inside."""
+        """Return the distances (N,) of `points` (N, 3) from the region, in mesh units. Inside, values are at most 0."""
         raise NotImplementedError
 
     def inside(self, mesh: Mesh) -> Bool:
@@ -80,7 +80,7 @@ class Box(RegionBase):
 
 @dataclass(frozen=True)
 class HalfSpace(RegionBase):
-    """All vertices p with normal · p ≥ offset, in mesh units. The length of `normal` divides `normal` and `offset`."""
+    """All vertices p with normal · p ≥ offset, in mesh units. Both values are divided by the length of `normal`."""
 
     normal: Vector
     offset: Annotated[float, About("Mesh units.")]
@@ -133,9 +133,9 @@ class Group(RegionBase):
 class VertexSet:
     """A set of vertices, with their positions on the mesh on which they were chosen.
 
-    On another mesh, it contains the vertices nearest to these positions, and on a finer mesh also those in between.
+    On another mesh, the set contains the vertices nearest to these positions. A finer mesh adds the ones in between.
 
-    Raises ValueError if the list is empty, a vertex occurs twice, or the number of positions differs.
+    Raises ValueError if `indices` is empty or contains a vertex twice, or if `positions` has another length.
     """
 
     indices: Annotated[Int64, Written(list[int])]  # (N,) distinct vertex indices, ascending
