@@ -43,7 +43,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
     pictures["views"] = max(settings.views // len(up.frames), 1)  # the same number of views for each up direction
-    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # points P (Eq. 2)
+    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # with the points P (Eq. 2)
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
     targets: PixelTargets | PointTargets
@@ -71,7 +71,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Warn of learned data that `encoder` lacks. Return the setting "encoder_lacks", or {} if no data is missing."""
+    """Warn about learned data that `encoder` lacks. Return the setting "encoder_lacks", or {} if no data is missing."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it, so distances are those of its features")

@@ -179,7 +179,7 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# The residuals (`ComponentResiduals`) of n points are multiplied by n / (n + SHRINKAGE): few points give noisy ones.
+# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE), because few points are noisy.
 SHRINKAGE = 10
 
 

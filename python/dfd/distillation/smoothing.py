@@ -68,7 +68,7 @@ class DiffusionProblem:
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
     points: Float64  # (N, 3) the samples, in normalized coordinates
-    centered: Float64  # (N, 3) the samples in the axes of `views.frame`, scaled so that the shape fits the cube [−1, 1]³
+    centered: Float64  # (N, 3) the samples in the axes of `views.frame`, scaled so that the shape fits in [−1, 1]³
     face: Int64  # (N,) the face of each sample
     area: float  # area of the surface per sample
     component: Int32  # (F,) the connected component of each face of the surface

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Return the fingerprint of the encoder's weights, and its block. Learned data is valid only for equal values."""
+    """Return the encoder's fingerprint and block. Learned data is valid only for encoders with the same two values."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
