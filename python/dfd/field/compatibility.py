@@ -1,4 +1,4 @@
-"""Check that a field belongs to a mesh: compare box and surface samples of the mesh and of the distilled shape."""
+"""Check that a field belongs to a mesh: compare bounding boxes and samples of the mesh and of the distilled shape."""
 
 import warnings
 from typing import Protocol
@@ -101,7 +101,7 @@ def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
 
 
 def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
-    """Return evenly spaced samples of `mesh`, (4096, 3), and 1.5 × their mean spacing; without area, None and 0."""
+    """Return evenly spaced samples of `mesh`, (4096, 3), and 1.5 × their mean spacing; None and 0 if the area is 0."""
     from dfd.geometry.topology import even_points, face_areas
 
     areas = face_areas(mesh.vertices, mesh.faces)

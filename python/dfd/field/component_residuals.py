@@ -78,7 +78,7 @@ class ComponentResiduals:
         return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return, for each of `boxes` (Q, 6), the index of the component with a matching box, (Q,); −1 without any."""
+        """Return for each of `boxes` (Q, 6) the index of the component with a matching box, or −1 without one, (Q,)."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:

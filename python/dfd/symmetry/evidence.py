@@ -18,7 +18,7 @@ from dfd.mesh.normals import face_normals
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
 _QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples, because neighbors have similar features
+_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearer samples have similar features
 _BINS = 24  # number of distance intervals for which the mean change of features is computed
 STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
 _MOVED = 0.3  # smallest share of samples that a symmetry must move

@@ -40,7 +40,7 @@ def symmetry_planes(
     With `candidates="any"`, candidates are the planes halfway between points with similar features, and planes
     perpendicular to principal axes or coordinate axes. Each candidate is moved so that the mirror image of the surface
     is nearest to the surface. Of nearly equal planes, one is kept. A plane nearly perpendicular to a coordinate axis is
-    made exactly perpendicular if its `relative_score` hardly increases. The plane of a flat shape is not found.
+    made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies is not found.
 
     Parameters
     ----------

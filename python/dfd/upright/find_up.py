@@ -63,7 +63,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
 
 def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Return the up direction of a shape aligned with the file's axes. Pictures are added until an axis is `SURE`."""
+    """Return the up direction of a shape aligned with the file's axes. Pictures are added until an axis is probable."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
