@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 @one_blas_thread()
 def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages) -> Field:
-    """Render pictures of `mesh`, encode them by `encoder`, and return a field that is fitted to the features."""
+    """Render pictures of `mesh`, encode them with `encoder`, and return a field that is fitted to the features."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     recorded = {**encoder.settings(), **settings.as_dict(), **_lacking(encoder, settings, metric)}
@@ -43,12 +43,12 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
         up = replace(up, shared=None, shares=None, source="found")
     pictures = settings.of_pictures()
     pictures["views"] = max(settings.views // len(up.frames), 1)  # the same number of views for each up direction
-    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
+    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # with the points P (Eq. 2)
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, stages=stages)
     targets: PixelTargets | PointTargets
     if smoothing == 0:
-        targets = PixelTargets(views[0], encode())  # target Z of every covered pixel
+        targets = PixelTargets(views[0], encode())  # one target Z for each covered pixel
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
         build = partial(build_diffusion, smoothing=smoothing, seed=seed)
@@ -71,7 +71,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """Log the learned data that `encoder` lacks, and return it as the setting "encoder_lacks"; {} if it lacks none."""
+    """Warn about learned data that `encoder` lacks. Return the setting "encoder_lacks", or {} if no data is missing."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it, so distances are those of its features")

@@ -18,9 +18,9 @@ if TYPE_CHECKING:  # torch takes seconds to import, so it is imported only if no
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-# The end of a MemoryError's message, by stage: the data that fill the memory, and the settings that make them smaller.
+# The end of a MemoryError's message, by stage: the data that fill the memory, and settings that reduce these data.
 _PICTURES = "the pictures: lower `resolution` or `views`"
-_FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
+_FIT = "the fit: lower `batch`, `resolution` or `views`"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
 _ADVICE["encode"] = "the tokens: lower `resolution` or `views`, or choose a smaller encoder"
 
@@ -59,29 +59,29 @@ def distill(
         The up direction: an axis such as "+y" or "-z", a direction (3,), "file" for the file's +y, or "auto" to find
         it from pictures.
     smoothing
-        Distance over which features are smoothed along the surface, divided by half the longest side of the box.
+        Distance of smoothing along the surface, divided by half the longest side of the upright shape's bounding box.
     steps, epochs
         Length of the fit: `steps` counts batches, `epochs` counts passes over all points. Give only one of them.
     seed
-        Seed of all random numbers. Equal seeds give equal fields on one machine with the same number of threads.
-        On other machines, features differ by about 1e-3.
+        Seed of all random numbers. Calls with equal seeds and thread counts give equal fields on one machine. On
+        another machine, features differ by about 1e-3.
     device
-        Torch device, such as "cpu" or "cuda"; None takes CUDA if available.
+        Torch device, such as "cpu" or "cuda"; None takes CUDA if available. The device also decides the encoder's
+        precision, "float32" or "bfloat16" (see `load_encoder`). A loaded encoder keeps its own device and precision.
     progress
         True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
         Whether to use the user's cache (see `dfd.common.files.cache_directory`): a field in the cache is loaded, and a
         new field is stored there.
     settings
-        Any other setting of `DistillSettings`. Unless `encoder` is a loaded encoder, `device` decides its precision,
-        "float32" or "bfloat16" (see `load_encoder`). `field.settings["encoder_precision"]` records it.
+        Any other setting of `DistillSettings`.
 
     Returns
     -------
-    Field. `field.settings` holds all settings and the loss of every step. It also holds the encoder's block, and
-    whether the encoder encoded background patches. "up_direction" and "up_confidence" describe the up direction.
-    "up_source" is "said" if the caller gave the direction. If `up` is "auto", "up_source" is "file" for the file's +y,
-    "found" for another direction, or "averaged" if the features of two directions are combined.
+    Field. `field.settings` holds all settings, the encoder's block and precision, whether background patches were
+    encoded, and the loss of every step. "up_direction" and "up_confidence" describe the up direction. "up_source" is
+    "said" unless `up` is "auto". If `up` is "auto", "up_source" is "file" for the file's +y, "found" for another
+    direction, or "averaged" if the features of two directions are combined.
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
     ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot

@@ -47,14 +47,14 @@ def fit(
     """Fit a field to `targets` with Adam, and return the field; its settings hold the loss of every step.
 
     The loss is the mean of ‖Φ(P) − Z‖² over a batch with points P and targets Z. One generator on the CPU draws initial
-    parameters and batches. So a seed gives about the same field on all devices; features differ by about 1e-3.
+    parameters and batches. So a seed gives nearly equal fields on all devices: their features differ by about 1e-3.
 
     Parameters
     ----------
     center, scale
         The normalization of the points: the field evaluates the network at `scale` · (point − `center`).
     device
-        Torch device. On the CPU, the fit uses `dfd.get_num_threads()` threads. This number does not change the result.
+        Torch device. On the CPU, the fit uses `dfd.get_num_threads()` threads. The result does not depend on the count.
 
     Raises ValueError if the fit diverges (NaN or infinity).
     """
@@ -86,10 +86,10 @@ def _gradients(
 ) -> tuple[Tensor, list[Tensor]]:
     """Return the loss of one batch, and its gradients with respect to the parameters of `network`.
 
-    The batch is `points` (B, 3) and their targets `wanted` (B, d). `bfloat16` is whether matrix products use bfloat16.
+    The batch is `points` (B, 3) and their targets `wanted` (B, d). If `bfloat16` is True, matrix products use bfloat16.
 
     On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
-    threads would synchronize many times per step, which is up to twenty times slower on a busy machine.
+    threads would synchronize many times per step, and be up to twenty times slower on a busy machine.
     """
     parameters = list(network.parameters())
 
@@ -129,7 +129,7 @@ def _batches(
 
 
 class Adam:
-    """The optimizer Adam, a wrapper of torch's fused function. torch's class takes two seconds to import a compiler."""
+    """The optimizer Adam by torch's fused function; torch's class imports a compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -179,12 +179,12 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# Residuals of a component with n points are multiplied by n / (n + SHRINKAGE), because few points give noisy residuals.
+# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE), because few points are noisy.
 SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field` with residuals for each connected component of the surface; `field` was fitted to `targets`.
+    """Return `field`, which was fitted to `targets`, with residuals for each connected component of the surface.
 
     If the surface has one component, `field` is returned unchanged.
     """
@@ -201,7 +201,7 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 def widen(field: Field, directions: Float32) -> Field:
     """Return a field whose features are the features of `field` (dimension d) multiplied by `directions` (d, D).
 
-    The rows of `directions` are orthonormal, so features keep their length. Only the last layer changes.
+    The rows of `directions` are orthonormal, so features keep their length. Only the last layer and residuals change.
     """
     last = list(field.parameters)[-2:]  # weight and bias of the last linear map
     turned: dict[str, Any] = {name: directions.T @ field.parameters[name] for name in last}

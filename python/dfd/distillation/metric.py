@@ -3,9 +3,9 @@
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
 not show thickness, which also distinguishes parts (`dfd.distillation.thickness`). So a linear map projects features and
 thickness to Fisher's discriminant directions, learned from labelled shapes (`python -m bench.training.learn_metric`).
-Each direction is weighted by the variance between parts divided by the variance within parts. A classifier appends the
-probabilities of kinds of parts, such as leg or head. Mapped features have unit length and about the same mean distance
-as the encoder's features, so 1 − distance is still a useful weight.
+Each direction is weighted by the variance between parts divided by the variance within parts. A classifier appends
+square roots of the probabilities of kinds of parts, such as leg or head. Mapped features have unit length and about the
+same mean distance as the encoder's features, so 1 − distance is still a useful weight.
 
 The map is applied before the fit, so the field's features are mapped features.
 """
@@ -39,21 +39,21 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "kinds_output_bias": ("K",),
 }
 FOLDER = Path(__file__).with_name("metrics")
-# Mean distance of mapped features, divided by that of the encoder's features. The metric reduces distances within small
-# details with many vertices. With a factor of 1, a handle would therefore move more vertices than without the metric.
+# Mean distance of mapped features, divided by the mean distance of the encoder's features. The metric reduces distances
+# within small details with many vertices. With the value 1, a handle would move more vertices than without the metric.
 FARTHER = 1.06
-KINDS_SHARE = 0.2  # weight of squared distances between kinds of parts, relative to those between mapped features
-_LEAST_STRETCH = 0.02  # smallest factor by which mapped rows are scaled about their mean; factors below 1 contract
+KINDS_SHARE = 0.2  # weight of squared distances by kinds of parts, relative to squared distances by the linear map
+_LEAST_STRETCH = 0.02  # smallest factor by which mapped rows are scaled about their mean
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """A learned map to rows of d numbers: the sum of a linear map of features and a linear map of thickness bands."""
+    """A learned map to d numbers: the sum of a linear map of the feature and a linear map of the thickness bands."""
 
     directions: Float32  # (D, d) the map of features
     thickness_directions: Float32  # (BANDS, d) the map of `dfd.distillation.thickness.thickness_bands`
     encoder_weights: str  # fingerprint of the encoder's weights in the training
-    encoder_block: int  # number of the encoder's block in the training
+    encoder_block: int  # index, from 1, of the encoder's block in the training
     kinds: Kinds | None = None  # classifier of kinds of parts
 
     def mapped(
@@ -64,10 +64,10 @@ class Metric:
         *,
         mean: Float32 | None = None,
     ) -> Float32:
-        """Return the mapped `features` (N, D), rows of unit length: (N, d), or (N, d + K) with K kinds of parts.
+        """Map `features` (N, D), and return rows of unit length, (N, d), or (N, d + K) with K kinds of parts.
 
-        `thickness` (N, BANDS) holds the thickness bands of the same points. The mean distance of mapped features is
-        `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None averages `features`.
+        `thickness` (N, BANDS) holds the thickness bands at the points of `features`. The mean distance of returned rows
+        is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None averages `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
@@ -81,7 +81,7 @@ class Metric:
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, thickness: Float32, seed: int) -> PointTargets:
-        """Return `targets` with mapped features; `seed` determines the random pairs that estimate mean distances."""
+        """Return `targets` with mapped features. `seed` draws the pairs of features that estimate mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 

@@ -35,7 +35,7 @@ class DistillSettings(BaseModel):
 
     preset: Preset = _setting(
         "default",
-        "Source of all settings that are not given: default, values that measured best; or paper, values of the paper.",
+        "Source of all settings that are not given: default, the values with the best results; or paper, the paper's.",
         paper="paper",
     )
     views: int = _setting(24, "Number of pictures around the shape.", minimum=1, maximum=LARGEST_VIEWS)
@@ -73,12 +73,12 @@ class DistillSettings(BaseModel):
     )
     background: bool = _setting(False, "Encode whole pictures, not only the patches that show the shape.", paper=True)
     block: int | None = _setting(
-        None, "Number, from 1, of the encoder's block whose output is used; none takes the default block.", minimum=1
+        None, "Index, from 1, of the encoder's block whose output is used; none takes the default block.", minimum=1
     )
     smoothing: float = _setting(
         0.3,
         "Distance over which features are smoothed along the surface before the fit, divided by half the longest side "
-        "of the upright box; 0 fits the pixels, as in the paper.",
+        "of the upright shape's bounding box; 0 fits the pixels, as in the paper.",
         paper=0.0,
         minimum=0.0,
         maximum=2.0,
@@ -103,13 +103,13 @@ class DistillSettings(BaseModel):
         minimum=0,
         maximum=MOST_OCTAVES,
     )
-    width: int = _setting(256, "Neurons of each hidden layer of the network.", minimum=1, maximum=8192)
-    layers: int = _setting(4, "Hidden layers of the network.", minimum=1, maximum=64)
+    width: int = _setting(256, "Number of neurons in each hidden layer.", minimum=1, maximum=8192)
+    layers: int = _setting(4, "Number of hidden layers of the network.", minimum=1, maximum=64)
     steps: int | None = _setting(350, "Length of the fit in batches, instead of `epochs`.", paper=None, minimum=1)
     epochs: int | None = _setting(
         None, "Length of the fit in passes over all points, instead of `steps`.", paper=15, minimum=1
     )
-    batch: int = _setting(384, "Surface points in each step of the fit.", paper=10_000, minimum=1)
+    batch: int = _setting(384, "Number of surface points in each step of the fit.", paper=10_000, minimum=1)
     learning_rate: float = _setting(
         2e-2, "Learning rate of Adam; with one_cycle, its peak.", paper=1e-3, minimum=0.0, exclusive=True
     )

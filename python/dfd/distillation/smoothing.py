@@ -4,18 +4,18 @@ A token is the feature that the encoder gives to one patch of a picture. At outl
 one part. Tokens of the same surface point differ between pictures, and some of the surface is in no picture. So tokens
 are averaged at surface samples, and diffused *along* the surface. The results are the targets Z that minimize
 
-    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = distance² / 2.
+    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = (smoothing distance)² / 2.
 
 Ẑ_i is the mean token of the pixels near sample i. The visibility c_i grows with the number of these pixels. Unlike a
 blur in space, diffusion does not mix legs that are close together.
 
 Diffusion reduces the distances between features, so handle weights would be large everywhere. So smooth features are
 scaled about their mean until the mean distance of two features is three quarters of the mean distance of two tokens.
-The other quarter is due to differences between pictures, not between parts.
+The missing quarter is due to differences between pictures, not between parts.
 
 An encoder can give different features to a left part and a right part. So weak links (further terms w ‖Z_i − Z_j‖²)
 connect each sample i with samples j near its mirror image. The weight w of a link is higher for similar samples. The
-mirror plane is the best of the box's three middle planes.
+mirror plane is the best of the bounding box's three middle planes.
 
 Smooth features vary mainly along a few directions. So only these principal directions are smoothed and fitted. The
 field's last layer maps the fitted values back to features of full dimension.
@@ -53,12 +53,12 @@ GAP_WEIGHT = 0.008
 GAP_NEIGHBORS = 4  # number of nearest samples that are candidates for a link between components or a mirror link
 MIRROR_WEIGHT = 0.02  # weight of mirror links, divided by the median weight of links along the surface
 MIRROR_REACH = 0.06  # longest distance of a mirror image from a linked sample, divided by half of the longest box side
-SIMILARITY_SCALE = 0.8  # a mirror link's weight falls to 1/e at this feature distance, divided by the mean distance
+SIMILARITY_SCALE = 0.8  # feature distance, divided by the mean feature distance, at which a mirror link's weight is 1/e
 DIRECTIONS = 128  # number of principal directions that are smoothed
 SIMILARITY_DIRECTIONS = 32  # number of principal directions that decide similarity; more do not change results
-COLUMNS_PER_SOLVE = 32  # number of directions for which a thread solves the system at a time
-SATURATED_COVERAGE = 0.3  # visibility is constant above this number of pixels of a sample, divided by the mean number
-DISTANCE_KEPT = 0.75  # mean distance of smooth features, divided by that of the pixels' tokens
+COLUMNS_PER_SOLVE = 32  # number of directions for which a thread solves the linear system at a time
+SATURATED_COVERAGE = 0.3  # a sample's pixel count, divided by the mean pixel count, above which visibility is constant
+DISTANCE_KEPT = 0.75  # mean distance of smooth features, divided by the mean distance of the pixels' tokens
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +68,14 @@ class DiffusionProblem:
     views: Views
     distance: float  # distance over which features are smoothed, in normalized coordinates
     points: Float64  # (N, 3) the samples, in normalized coordinates
-    centered: Float64  # (N, 3) the samples along the axes of `views.frame`, scaled so that their box fits [−1, 1]³
+    centered: Float64  # (N, 3) the samples in the axes of `views.frame`, scaled so that the shape fits in [−1, 1]³
     face: Int64  # (N,) the face of each sample
     area: float  # area of the surface per sample
     component: Int32  # (F,) the connected component of each face of the surface
     gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean Ẑ_i of each sample
     confidence: Float64  # (N,) visibility c_i of each sample
     links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
-    factors: SuperLU  # LU factors of the system without mirror links
+    factors: SuperLU  # LU factors of the linear system (see `_factors`) without mirror links
     generator: np.random.Generator  # the source of the remaining random numbers
 
 
@@ -105,7 +105,7 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, SATURATED_COVERAGE) * area
     links = _surface_links(points, component[face], seen > 0, area)
-    # The box along the axes of the frame does not change if the shape is rotated in its file.
+    # The box along the axes of the frame does not depend on the orientation of the shape in its file.
     corners = used_vertices(views.vertices, faces) @ views.frame.T
     size = float(np.ptp(corners, axis=0).max()) / 2
     centered = (points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2) / size
@@ -144,10 +144,10 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
 
 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
-    """Return LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_i<j w_ij ‖Z_i − Z_j‖².
+    """Return LU factors of the system whose solution Z minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_i<j w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are areas multiplied by at most `SATURATED_COVERAGE`, so t
-    is also multiplied by `SATURATED_COVERAGE`.
+    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are areas multiplied by at most `SATURATED_COVERAGE`. So t
+    is `distance`² / 2, multiplied by `SATURATED_COVERAGE`.
     """
     from scipy.sparse.linalg import splu
 
@@ -175,7 +175,7 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
 
 
 def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
-    """Return symmetric weights (N, N) of links between nearby samples, so that Zᵀ L Z ≈ ∫ ‖∇Z‖².
+    """Return symmetric weights (N, N) of links between nearby samples, so that Zᵀ L Z ≈ ∫ ‖∇Z‖² (L: see `_laplacian`).
 
     For a constant gradient g near sample i, its k links contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
     weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is the surface area per sample. For each sample,
@@ -232,9 +232,9 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return links from each of the samples `ends` to the nearest samples in `others`, except itself.
+    """Return links from each sample in `ends` to the nearest other samples in `others`.
 
-    `linked` decides which links are kept. The result is three arrays: first ends, second ends, and weights of links.
+    `linked` selects the links. The returned arrays are first ends, second ends, and weights: `weight` / `neighbors`.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

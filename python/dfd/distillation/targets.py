@@ -26,7 +26,7 @@ _ROWS_IN_CACHE = 512  # number of rows that fit into a core's cache
 
 
 class Targets:
-    """Normalized points (N, 3), and a target feature of unit length with `dimension` numbers for each point."""
+    """Surface points (N, 3) in normalized coordinates, each with a target of unit length and `dimension` numbers."""
 
     points: Float32
 
@@ -43,8 +43,8 @@ class Targets:
         """Return the points (B, 3) with indices `chosen` (B,), and their targets (B, d), on the CPU."""
         import torch
 
-        numbers = chosen.numpy()
-        return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
+        indices = chosen.numpy()
+        return torch.from_numpy(self.points[indices]), torch.from_numpy(self.rows(indices))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """Return B = `count` random points (B, 3) and their targets (B, d), on the CPU."""
@@ -78,7 +78,7 @@ class PointTargets(Targets):
 class TokenGrid:
     """Bilinear interpolation of the `height` × `width` tokens of each picture at the surface points of `views`.
 
-    A token is the encoder's feature at the center of a patch. Tokens are numbered by picture, row and column.
+    A token is the encoder's feature at the center of a patch. The tokens are ordered by picture, row and column.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -88,7 +88,7 @@ class TokenGrid:
         self._resolution = views.images.shape[1]
 
     def corners(self, chosen: NDArray[np.integer]) -> tuple[Int64, Float32]:
-        """Return the numbers and weights (B, 4) of the four tokens around each of the points `chosen` (B,)."""
+        """Return the indices and weights (B, 4) of the four tokens around each of the points `chosen` (B,)."""
         top, lower = self._between(self._row[chosen], self._height)
         left, right = self._between(self._column[chosen], self._width)
         bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
@@ -109,7 +109,7 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
-        """Return the last of `count` tokens before each position `pixel` (B,), and the weight of the next token."""
+        """Return the index of the last of `count` tokens before each `pixel` (B,), and the weight of the next token."""
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -153,11 +153,11 @@ class PixelTargets(Targets):
 
 
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
-    """Combine the features of several up directions: return targets whose squared distances are a weighted mean.
+    """Return targets whose squared feature distances are weighted means of those for several up directions.
 
     `by_up` are the targets for each up direction, and `shares` are the weights of the directions, which sum to 1. All
-    targets have the same points, except for points that diffusion did not reach. The concatenated features are
-    projected to principal directions, so that the result has the same dimension as the features of the first targets.
+    targets have equal points, except for points that diffusion did not reach. The concatenated features are projected
+    to principal directions, so that the result has as many dimensions as the first targets.
     """
     if len(by_up) == 1:
         return by_up[0]

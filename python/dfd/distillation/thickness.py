@@ -1,8 +1,8 @@
 """Measure the thickness of a shape, also called shape diameter, at points of its surface.
 
 Pictures do not show thickness: a thigh looks much like the belly above it, but is a third as thick. From each point,
-rays are cast into the shape, in a cone about the normal. The lower median of their lengths is the thickness. A rotation
-of the shape does not change the thickness, and another pose changes it little.
+rays are cast into the shape, in a cone about the normal. The lower median of the rays' lengths is the thickness. A
+rotation of the shape does not change the thickness, and another pose changes it little.
 
 Many files have inverted faces. So rays are cast to both sides of the surface, and the side on which more rays hit is
 the inside. The thickness is 0 if fewer than half of the rays on that side hit, as on a single sheet.
@@ -75,7 +75,7 @@ def thicknesses(
     for side, sign in enumerate((-1.0, 1.0)):
         origins = points + sign * _OFF * normal
         for ray in range(RAYS):
-            cosine = 1 - (ray + 0.5) / RAYS * (1 - np.cos(CONE))  # rays are uniform by solid angle
+            cosine = 1 - (ray + 0.5) / RAYS * (1 - np.cos(CONE))  # directions are uniform by solid angle
             angle = (turn + ray * np.pi * (1 + np.sqrt(5)))[:, None]
             outward = np.sqrt(1 - cosine**2) * (np.cos(angle) * along + np.sin(angle) * across)
             hits = scene.cast(origins, outward + sign * cosine * normal)

@@ -1,8 +1,8 @@
 """Run DINOv2 in plain torch, without the package transformers, which takes seconds to import.
 
 A token is the feature vector of one square patch of an image. More than half of the patches of a picture show only
-background, and can be left out. DINOv2-small then takes a third of the time. The tokens of the other patches change
-slightly, because attention relates each patch to all others.
+background, and can be left out. Without them, DINOv2-small takes a third of the time. The tokens of the remaining
+patches change slightly, because attention relates each patch to all others.
 Sources: Oquab et al., "DINOv2" (TMLR 2024); Darcet et al., "Vision transformers need registers" (ICLR 2024).
 """
 
@@ -21,9 +21,9 @@ from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
 # Largest token dimension D of a network that skips background. Wider networks store global information in the tokens
-# of background patches (Darcet et al.). Without these patches, they would store it in patches of the shape.
+# of background patches (Darcet et al.). Without these patches, this information would be in patches of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# Maps parts of tensor names in older files of transformers, such as those on the hub, to the current names.
+# Old and current parts of tensor names: files that older versions of transformers wrote have the old ones.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -110,7 +110,7 @@ class Dinov2(nn.Module):
         return result
 
     def _interpolated_positions(self, rows: int, columns: int) -> Tensor:
-        """Return the learned position embeddings (1, rows, columns, D), interpolated for a grid of patches."""
+        """Return the learned position embeddings (1, rows, columns, D), interpolated to this grid of patches."""
         if (rows, columns) not in self._positions:
             table = self.embeddings.position_embeddings[:, 1:]
             side = round(table.shape[1] ** 0.5)
@@ -122,15 +122,15 @@ class Dinov2(nn.Module):
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a DINOv2 with `weights`, cut after block number `block`; None keeps all blocks.
+    """Return a DINOv2 with `weights`, without the blocks after `block`, counted from 1; None keeps all blocks.
 
-    `takes` must accept the configuration of `weights`. Raises ValueError if the configuration is invalid, the block is
-    out of range, or the tensors do not fit the configuration. Raises OSError if a file of weights cannot be read.
+    Call this function only if `takes(weights.config)` is True. Raises ValueError if the configuration is invalid, the
+    block is out of range, or tensors do not fit the configuration. Raises OSError if a weight file cannot be read.
     """
     config = _checked(weights.config)
     depth, width, patch = config["num_hidden_layers"], config["hidden_size"], config["patch_size"]
     chosen = depth if block is None else check.whole(None, "block", block, minimum=1, maximum=depth)
-    with torch.device("meta"):  # allocates no memory; the given weights then replace all parameters
+    with torch.device("meta"):  # allocates no memory: `load_state_dict` below replaces all parameters
         network = Dinov2(config, chosen)
     wanted = network.state_dict()
     found = {name: tensor.float() for name, tensor in _tensors(weights).items() if name in wanted}

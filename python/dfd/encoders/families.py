@@ -1,7 +1,7 @@
 """Run vision networks of the package transformers up to a chosen block, whose output gives the tokens.
 
-Later blocks are removed. Except for SAM 2, the output of the chosen block passes through the network's own final
-LayerNorm, or through SAM's neck. Class and register tokens are left out, so each patch of an image has one token.
+Later blocks are removed. In most families, the output of the chosen block passes through the network's final LayerNorm.
+In SAM, it passes through the neck (convolutions). In SAM 2, it is not changed. Class and register tokens are left out.
 """
 
 import math
@@ -23,7 +23,7 @@ CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258
 
 
 def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return the network in `weights.folder`, cut after block number `block`; None keeps all blocks.
+    """Return the network in `weights.folder` without the blocks after `block`, counted from 1; None keeps all blocks.
 
     Raises ValueError if transformers is not installed, the family is unknown, or the block is out of range. Raises
     ValueError if the tensors do not fit the configuration. Raises OSError if a file of weights cannot be read.
@@ -64,7 +64,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     depth = len(blocks)
     chosen = depth if block is None else check.whole(None, "block", block, minimum=1, maximum=depth)
     del blocks[chosen:]
-    # Files of weights may lack these modules, because the tokens do not depend on them.
+    # Files of weights may lack the parameters of these modules, because the tokens do not depend on them.
     unused = {"pooler", "head", "mask_token"}
     needed = {name for name, _ in network.named_parameters() if unused.isdisjoint(name.split("."))}
     check_fit(weights, report["mismatched_keys"], report["missing_keys"] & needed)
@@ -91,7 +91,7 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# Each function below returns the `VisionModel` of a family; `others` are its fields `block`, `depth` and `channels`.
+# Each function below returns the `VisionModel` of a family. `others` are the fields `block`, `depth` and `channels`.
 
 
 def _of_any_size(network: Any, config: Any, **others: Any) -> VisionModel:
@@ -165,7 +165,7 @@ def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
 
 
 def _side(config: Any, name: str, wanted: str) -> int:
-    """Return the entry `name` of `config`, the side of a square in pixels: a number or a pair of equal numbers."""
+    """Return the side of a square in pixels: the entry `name` of `config`, a number or a pair of equal numbers."""
     size = getattr(config, name, None)
     if isinstance(size, list | tuple) and len(set(size)) == 1:
         size = size[0]

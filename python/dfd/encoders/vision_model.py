@@ -10,12 +10,12 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """A network that was cut after block number `block`, counted from 1; the whole network has `depth` blocks.
+    """A network without the blocks after `block`, counted from 1; the whole network has `depth` blocks.
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
     pixels, or exactly `fixed_size` if it is set. The second argument of `tokens`, bool (n, H / patch, W / patch),
-    selects the patches to encode; all other tokens are 0. If this argument is None, all patches are encoded. It must be
-    None if `takes_patches` is False.
+    selects the patches to encode; all other tokens are 0. None encodes all patches. If `takes_patches` is False, this
+    argument must be None.
     """
 
     network: nn.Module

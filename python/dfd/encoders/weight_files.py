@@ -10,7 +10,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.files import sha256_of_files
 
 SETTINGS = ("config.json", "preprocessor_config.json")
-_SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file of all tensors; an index of files
+_SINGLE, _INDEX = "model.safetensors", "model.safetensors.index.json"  # one file; or an index of several files
 
 
 class ChannelStats(NamedTuple):
@@ -25,9 +25,9 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Weights of a network: either `folder` contains their files, or `tensors` holds them as arrays by name.
+    """Weights of a network: either `folder` contains their files, or `tensors` maps their names to arrays.
 
-    `fingerprint` identifies the weights and their settings. `channels` is None if `preprocessor_config.json` lacks it.
+    `fingerprint` identifies the weights and their settings. `channels` is None if the files do not define these values.
     """
 
     config: dict[str, Any]
@@ -76,7 +76,7 @@ def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
 def check_fit(
     weights: EncoderWeights, wrong: Iterable[tuple[str, Sequence[int], Sequence[int]]], missing: Iterable[str]
 ) -> None:
-    """Raise ValueError if tensors have `wrong` shapes (name, found, required), or if tensors are `missing`."""
+    """Raise ValueError if there are tensors of `wrong` array shape (name, found, required), or `missing` tensors."""
     for name, found, wanted in sorted(wrong):
         raise ArgumentError("encoder", f"must have {name} of shape {tuple(wanted)}, got {tuple(found)}")
     lacking = sorted(missing)

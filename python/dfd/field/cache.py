@@ -1,7 +1,7 @@
 """Cache distilled fields in files; the key of a field holds all values on which the field depends.
 
 Each entry is a file with the name `<hash of the key>-<hash of the file>.safetensors`. Files are written atomically, so
-several processes may use the cache at the same time. A file is ignored if its content does not match the second hash.
+several processes may use the cache at once. A file is ignored if its content does not match the second hash.
 """
 
 import contextlib

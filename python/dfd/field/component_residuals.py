@@ -2,7 +2,7 @@
 
 A field's network depends on position alone, so a helmet and the head inside it get nearly the same features. If a shape
 has several components, its field also stores residuals at surface samples. A residual is the target feature of the fit
-minus the network's feature. At a vertex, the residuals of its component are interpolated, and added to the feature.
+minus the network's feature. At a vertex, residuals of the vertex's component are interpolated and added to the feature.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 NEIGHBORS = 8  # number of samples from which a residual is interpolated: the nearest ones on the point's component
-# Two components match if the normalized coordinates of their bounding boxes differ by at most this number. At another
-# resolution of the mesh, the box of a component changes less.
+# Two components match if the normalized coordinates of their bounding boxes differ by at most this number. Between
+# resolutions of a mesh, the differences are smaller.
 SAME = 0.02
 _APART = 10.0  # offset between components in neighbor searches, more than any distance in [−1, 1]³
 _ROWS_AT_ONCE = 1 << 16  # number of features that are computed at a time, to limit memory
@@ -78,7 +78,7 @@ class ComponentResiduals:
         return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return the index of the component whose box matches each of `boxes` (Q, 6), as (Q,); −1 if none matches."""
+        """Return for each of `boxes` (Q, 6) the index of the component with a matching box, or −1 without one, (Q,)."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -90,7 +90,7 @@ class ComponentResiduals:
         """Return the features `rows` (N, D) plus the residuals at normalized `points` (N, 3), scaled to unit length.
 
         A residual is a weighted mean over the `NEIGHBORS` nearest samples on the point's `component` (N,). Weights fall
-        to 0 at the next nearest sample, so the residual is continuous. Points of component −1 have no residual.
+        to 0 at the distance of the next sample, so the residual is continuous. Points of component −1 have no residual.
         """
         result = rows.copy()
         of_some = np.flatnonzero(component >= 0)
@@ -112,7 +112,7 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the distance of the farthest one.
+        # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the distance of the farthest.
         support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(support, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)

@@ -54,13 +54,13 @@ class Field:
 
     The network is that of the paper (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last
     linear map gives a vector of D numbers, which is divided by its length. A point p is first normalized to
-    (p − `center`) · `scale`. `center` and `scale` come from the distilled mesh, and hold for all its resolutions.
+    (p − `center`) · `scale`. `center` and `scale` come from the distilled mesh, and are valid for all its resolutions.
 
-    With `octaves`, the network also gets a positional encoding: sines and cosines of the coordinates. The longest
-    wavelength is twice the longest side of the box (Mildenhall et al. 2020, section 5.1). With this encoding, the fit
-    needs far fewer steps to reproduce borders between parts.
+    If `octaves` is above 0, a positional encoding adds inputs to the network: sines and cosines of the coordinates. The
+    longest wavelength is twice the longest side of the bounding box (Mildenhall et al. 2020, section 5.1). With this
+    encoding, the fit needs far fewer steps to reproduce borders between parts.
 
-    With `residuals`, the features of a mesh's vertices also depend on their connected components: see
+    With `residuals`, the feature of a mesh's vertex also depends on the vertex's connected component: see
     `dfd.field.component_residuals`.
 
     A field is immutable. A C++ kernel evaluates arrays of points, without torch or a GPU. `source` is the file from
@@ -71,11 +71,11 @@ class Field:
     parameters
         Arrays by their names in `dfd.field.architecture`: weight and bias of each linear map and each LayerNorm.
     octaves
-        The number of wavelengths of sines and cosines; each is half of the previous one. 0 gives the paper's network.
+        The number of wavelengths of the sines and cosines, each half of the previous one. 0 gives the paper's network.
     center
         The center (3,) of the shape's bounding box, in mesh units. The normalization maps it to the origin.
     scale
-        2 divided by the longest side of that box, in mesh units.
+        2 divided by the longest side of the bounding box, in mesh units.
     settings
         Settings of the distillation (encoder, views, seed, …) as JSON values; they are saved in the file.
     residuals
@@ -139,8 +139,8 @@ class Field:
         -------
         (N, D) float32 rows of unit length: a differentiable tensor if `points` is a tensor, otherwise an array.
 
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or along an
-        axis farther from the box's center than a million times half of the box's longest side.
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or if a
+        coordinate of (p − `center`) · `scale` has a magnitude above a million.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
@@ -278,7 +278,7 @@ class Field:
 
 
 class FieldOnMesh:
-    """The features of a mesh's vertices, and of points on the mesh, with the residuals of the connected components."""
+    """The features of a mesh's vertices and of points on the mesh, including the residuals of connected components."""
 
     def __init__(self, field: Field, mesh: Mesh) -> None:
         self.field, self.mesh = field, mesh
@@ -307,7 +307,7 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """Return the index (V,) of each vertex's component in the field; −1 without a match; None without residuals."""
+        """Return each vertex's component index in the residuals, (V,); −1 without a match; None without residuals."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)

@@ -15,7 +15,7 @@ from dfd.field.architecture import Architecture
 class Network(nn.Module):
     """A map from normalized points (N, 3) to features (N, D), with the parameters of `dfd.field.architecture`.
 
-    The parameters of the linear maps have no values until `draw` is called. `of` returns a network with given values.
+    The parameters of the linear maps have no values until `draw` is called. `of` returns a network with known values.
     """
 
     def __init__(self, architecture: Architecture) -> None:
@@ -28,7 +28,7 @@ class Network(nn.Module):
         self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
     def draw(self, generator: torch.Generator) -> Network:
-        """Draw the linear maps' parameters from a CPU `generator`, uniformly in ±1 / √inputs as torch does."""
+        """Draw the linear maps' parameters with a CPU `generator`, uniformly in [−1 / √n, 1 / √n] for n inputs."""
         with torch.no_grad():
             for layer in self.network:
                 if isinstance(layer, nn.Linear):
@@ -39,7 +39,7 @@ class Network(nn.Module):
 
     @classmethod
     def of(cls, parameters: Mapping[str, Float32], architecture: Architecture) -> Network:
-        """Return the network with these parameters; gradients are not computed for them."""
+        """Return the network with these `parameters`; torch computes no gradients for them."""
         network = cls(architecture)
         state = {name: torch.tensor(values) for name, values in parameters.items()}
         network.load_state_dict(state, assign=True)

@@ -22,8 +22,8 @@ ROWS_AT_ONCE = 1 << 16  # number of rows that are scaled at a time, to limit mem
 class VertexField(Field):
     """A field from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
 
-    There is no network, so weights follow exactly from the given features. All vertices at the same position have the
-    feature of the first one, so that UV seams stay closed.
+    There is no network, so weights follow exactly from the given features. All vertices at one position get the feature
+    of the first of these vertices, so that UV seams stay closed.
 
     Parameters
     ----------

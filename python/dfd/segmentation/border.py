@@ -10,22 +10,22 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # in patch spacings; patches within this distance of a part's border do not connect its components
+NECK = 1.5  # patches up to this distance from a part's border, in `Patches.spacing`, do not connect its components
 SMALL_COMPONENT = 0.1  # a component is small if its area is below this share of the largest component's area
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
 CREASE = 0.1  # increase of concavity that divides the cost of a border by e
-MOVE_COST = 0.1  # cost of moving one patch to the other side, relative to the cost of a flat border one spacing long
-STEEPEST = 10.0  # concavity is multiplied by (patch spacing / distance of the two nodes), at most by this number
+MOVE_COST = 0.1  # cost of moving a patch to the other side, divided by the cost of a flat border one patch spacing long
+STEEPEST = 10.0  # largest value of (patch spacing / distance of two nodes), by which their concavity is multiplied
 COST_SCALE = 1e6  # integer cost of a flat border as long as the diagonal of the bounding box
-LARGEST_COST = 2**28
+LARGEST_COST = 2**28  # largest integer cost, to prevent overflow of 32-bit sums
 
 
 def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     """Move the border of a part to the cheapest cut nearby, and return the part's mesh nodes, (N,) bool.
 
-    `inside` (P,) is True for the patches of the part. The cost of a border is its length, and is lower in concave
-    creases. A node can change sides if its distance from the old border is below `LARGEST_MOVE`, and below half of the
-    largest such distance in its component. The node `held` always belongs to the part.
+    `inside` (P,) is True for the patches of the part. The cost of a border is its length, multiplied by a lower factor
+    in concave creases. A mesh node can change sides if its distance from the old border is below `LARGEST_MOVE`, and
+    below half of the largest such distance in its connected component. The mesh node `held` always belongs to the part.
     """
     borders, start = patches.node_borders, inside[patches.of_node]
     one, other = borders.pairs.T
@@ -42,7 +42,7 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # The graph has the nodes that can change sides, a source (the other nodes of the part), and a sink (all others).
+    # The graph has the nodes that can change sides, a source (other nodes of the part), and a sink (all nodes left).
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
@@ -66,8 +66,8 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
 def closed(patches: Patches, inside: Bool) -> Bool:
     """Return the patches of a part and of all regions that only this part connects to the body, (P,) bool.
 
-    Such a region is the hoof of a leg. `inside` (P,) is True for the patches of the part. The body is the largest
-    component of the surface outside the part. If the body has less than half of that surface, the result is `inside`.
+    An example is the hoof of a leg. `inside` (P,) is True for the patches of the part. The body is the largest
+    component of the surface outside the part. If the body has less than half of that surface, `inside` is returned.
     """
     borders = patches.borders
     out = np.flatnonzero(~inside)
@@ -81,10 +81,10 @@ def closed(patches: Patches, inside: Bool) -> Bool:
 
 
 def components_of(patches: Patches, inside: Bool) -> Int64:
-    """Return the component number of each patch, (P,), counted from 0, or −1 outside the part `inside` (P,).
+    """Return the index of the component that contains each patch, (P,); −1 outside the part `inside` (P,).
 
     Connections between components are ignored if they consist of patches within `NECK` of the border. Legs that meet
-    in a narrow web are thus separate components. Each patch of such a connection belongs to the nearest component.
+    in a narrow web are thus separate components. Each patch of an ignored connection belongs to the nearest component.
     """
     borders = patches.borders
     members = np.flatnonzero(inside)

@@ -19,7 +19,7 @@ from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
 DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
 DIFFUSION = 0.005  # area over which features are smoothed, as a share of the surface
-CREASE = 0.1  # concavity, an angle of about 6° per patch, at which the conductance of smoothing is divided by e
+CREASE = 0.1  # concavity (`Borders`), about 6° between patches, at which the conductance of smoothing is divided by e
 STEP = 0.15  # feature distance at which the conductance of smoothing is divided by e
 ROUNDS = 3  # rounds of smoothing; each computes the conductance from the features that the previous round smoothed
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # smallest and largest area of a part, as shares of the surface
@@ -30,21 +30,21 @@ SIMILAR = 1.4  # two areas or lengths are similar if the larger divided by the s
 # In `held`, an ancestor can replace the best tree node if its smallest component has at least EQUAL times the area of
 # its largest component, and its likelihood is at least STILL_LIKELY times that of the best tree node.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # factor of the saliency of tree nodes in the clearest cut, because parts that people name do not overlap
+CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`, because parts that people name do not overlap
 # `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
 # the saliency LEAST_WITHIN.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
 # The likelihood of a tree node is multiplied by s ** HELD_BEYOND, where the node contains the share s of the surface
-# beyond the handle. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
+# beyond the handle (`Distal`). For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
 HELD_BEYOND, SALIENT = 3.0, 0.5
-SHORT = 0.2  # in diagonals of the bounding box; added to border lengths: short borders often follow a crease by chance
+SHORT = 0.2  # added to border lengths, in bounding-box diagonals, because short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
 # Two parts of several components are joined if each has at least the saliency SURE, their components and borders have
 # similar sizes, and they do not touch. The distance of their mean features must also be below LESS_APART times the
-# distance of each part from its surroundings. This is repeated JOIN_ROUNDS times.
+# feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds of joining.
 SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
-EVEN = 0.05  # added to the divisor of `step`, because small increases of small merge distances are noise
+EVEN = 0.05  # added to the divisor of `Hierarchy.step`, because small increases of small merge distances are noise
 
 
 class Hierarchy:
@@ -55,14 +55,14 @@ class Hierarchy:
     inside
         (T, P) whether a patch belongs to a tree node.
     area, border
-        (T,) areas as shares of the surface, and lengths of the borders in diagonals of the bounding box.
+        (T,) area of each tree node as a share of the surface, and length of its borders in bounding-box diagonals.
     concavity, step
-        (T,) mean concavity along the borders, in [0, 2], and relative increase of the merge distance to the parent, in
-        [0, 1].
+        (T,) mean concavity along the borders, in [0, 2]; and increase of the merge distance from a tree node to its
+        parent, relative to the parent's merge distance, in [0, 1].
     cut
-        The tree nodes of the clearest cut. They cover the shape once, with the largest sum of clarity × area.
+        The clearest cut: the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
     clear
-        (T,) whether a tree node has at least the clarity × area of every cut of its subtree.
+        (T,) whether the clarity × area of a tree node is at least the largest sum for a cut of its subtree.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ class Hierarchy:
         self._known_components: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
-        # Features of front legs can be more similar to those of the trunk than to those of the hind legs. So pairs of
-        # similar parts get the same mean feature, and the tree is built again.
+        # Features of front legs can be more similar to features of the trunk than to features of the hind legs. So both
+        # parts of each similar pair get one mean feature, and the tree is built again.
         for _ in range(JOIN_ROUNDS):
             if not (pairs := self._counterpart_pairs(values)):
                 break
@@ -141,7 +141,7 @@ class Hierarchy:
         return np.asarray(area @ values / area.sum(axis=1, keepdims=True), np.float64)
 
     def candidates(self, patch: int) -> list[int]:
-        """Return the tree nodes that contain a patch and may be parts, the smallest first; the root if none may be."""
+        """Return the tree nodes that contain a patch and may be parts, the smallest first; if none may, the root."""
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
@@ -152,10 +152,10 @@ class Hierarchy:
         return bool(LEAST_AREA < self.area[node] < MOST_AREA and self._components(node)[0].mean() > LEAST_COMPONENT)
 
     def saliency(self, node: int) -> float:
-        """Return the saliency of a tree node. Compare it only among tree nodes that contain the same patch.
+        """Return the saliency of a tree node. Compare saliencies only among tree nodes that share a patch.
 
         Salient tree nodes, such as a limb, a head or a cup's handle, end at creases and differ from their surroundings.
-        They have short borders. The mean length of the borders counts, so four legs are as salient as one.
+        They have short borders. The mean length of the borders counts, so four legs are as salient as one leg.
         """
         saliency = (self.concavity[node] + LEAST_CONCAVITY) * self.step[node] / (self.girth(node) + SHORT)
         return float(saliency * (CUT if node in self.cut else 1.0))
@@ -172,9 +172,9 @@ class Hierarchy:
         return self._closed[node]
 
     def held(self, patch: int) -> int:
-        """Return the tree node that a handle at a patch holds.
+        """Return the tree node that a handle at a patch moves.
 
-        This is the candidate whose `closed` patches have the largest expected IoU (intersection over union) with the
+        It is the candidate whose `closed` patches have the largest expected IoU (intersection over union) with the
         part that the user means. The likelihood of a candidate increases with its saliency. If the saliency is below
         `SALIENT`, the likelihood also increases with the candidate's share of the surface beyond the handle, so a ring
         around a leg is unlikely. An ancestor with at least twice as many components, all of similar size, replaces the
@@ -203,7 +203,7 @@ class Hierarchy:
 
     def girth(self, node: int) -> float:
         """Return the mean length of a tree node's borders, in diagonals of the box: the girth of a limb at its base."""
-        # A tree node without borders gets the side of a square of its area.
+        # The girth of a tree node without borders is the side of a square with the area of the tree node.
         length = self.border[node] or np.sqrt(self.area[node] * self._patches.node_area.sum())
         return float(length) / self._components(node)[1]
 
@@ -215,7 +215,7 @@ class Hierarchy:
         return self._known_components[key]
 
     def _clearest_cut(self) -> tuple[list[int], Bool]:
-        """Return `cut` and `clear`. The best cut of a tree node is itself, or the best cuts of both of its children."""
+        """Return `cut` and `clear`. The best cut of a tree node is the node, or its children's best cuts together."""
         count = self._patches.borders.count
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
         cuts = [[node] for node in range(count)]
@@ -255,7 +255,7 @@ class Hierarchy:
         self._keys = [row.tobytes() for row in np.packbits(self.inside, axis=1)]
 
     def _sums(self, of_node: Float64) -> Float64:
-        """Return the sum of `of_node` over each tree node's subtree, (T,); `of_node` is (T,), or (P,) for leaves."""
+        """Return the sum of `of_node` over each tree node's subtree, (T,). `of_node` is (T,), or (P,) for leaves."""
         sums = np.zeros(len(self._height))
         sums[: len(of_node)] = of_node
         for node, (one, other) in enumerate(self._children, start=self._patches.borders.count):
@@ -267,8 +267,8 @@ class Hierarchy:
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
-        # Find the lowest common ancestor of both patches. Parents have higher numbers than children, so the end with
-        # the lower number is replaced by its parent until both ends are equal.
+        # Find the lowest common ancestor of the two patches of each border. Parents have higher indices than children,
+        # so the end with the lower index is replaced by its parent until both ends are equal.
         while len(apart):
             lower = ends[apart].argmin(axis=1)
             ends[apart, lower] = self._parent[ends[apart, lower]]
@@ -281,7 +281,7 @@ class Hierarchy:
 
 
 def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
-    """Return the areas of the large components of a part `inside` (P,), and the number of the part's borders."""
+    """Return the areas of the large components of a part `inside` (P,), and the count of the part's borders."""
     pairs = patches.borders.pairs.astype(np.int32)
     same = inside[pairs[:, 0]] == inside[pairs[:, 1]]
     component = _core.components(len(inside), np.zeros((0, 3), np.int32), pairs[same])
@@ -295,11 +295,11 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:
-    """Return at most `DIMENSIONS` principal components (P, K) of `features` (P, D), smoothed except across borders.
+    """Return at most `DIMENSIONS` principal components (P, K) of `features` (P, D), smoothed along the surface.
 
-    Borders are creases and large changes of the features. Source: Perona and Malik, "Scale-space and edge detection
-    using anisotropic diffusion", 1990. Here, the conductance also decreases with concavity. Each round is one implicit
-    time step.
+    Creases and large changes of the features stop the smoothing. Source: Perona and Malik, "Scale-space and edge
+    detection using anisotropic diffusion", 1990. Here, the conductance also decreases with concavity. Each round is one
+    implicit time step.
     """
     borders, area = patches.borders, diags_array(patches.area)
     values = features - patches.area @ features

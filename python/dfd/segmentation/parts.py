@@ -20,17 +20,17 @@ from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
-LEAST_RATIO = 1.25  # the area at a larger level, divided by the area at the next smaller level, is above this
-# Below this saliency (`Hierarchy.saliency`, unitless), a handle holds no part. Balls have a saliency of up to 0.031.
+LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at the next smaller level
+# If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along the border of a part, the weights of a grip fall from 1 to 0. They are 0.5 at the border. The
 # band is at most WIDEST times the diagonal of the bounding box wide, and at most WIDEST_OF_GIRTH times the girth of the
-# limb, which is the mean length of the part's borders. A wider band makes the surface of a moved part less steep there:
-# half of both values folds the surface of 20 rigs by 72° instead of 67° (`python -m bench.quality borders`).
+# limb, which is the mean length of the part's borders. In a wider band, the surface of a moved part is less steep: with
+# half of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
 WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
 # BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
-# that is at least LEAST_WIDTH times the displacement of the border across the limb, or else the largest one. A part at
-# rest has the smallest width, and a soft IoU of 0.68 with labelled parts. With the width 0.5, the soft IoU is 0.66.
+# that is at least LEAST_WIDTH times the displacement of the border across the limb, or the largest width if all are
+# smaller. At rest, it has the smallest width, at which the weights agree best with labelled parts.
 BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 3.0
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
 # The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
@@ -44,7 +44,7 @@ class Part:
     mask: Bool = field(repr=False)  # (V,) whether each vertex belongs to the part
     share: float  # area of the part, as a fraction of the area of the surface
     components: int  # number of connected components of the part, without small components
-    vertex: int  # a vertex of the part: the one given to `Parts.part`, or in a cut, one far from the border
+    vertex: int  # in `Parts.part`, the vertex at the given place; in `Parts.cut`, a vertex far from the part's border
 
     @property
     def vertices(self) -> Int64:
@@ -53,14 +53,14 @@ class Part:
 
 
 class Border(NamedTuple):
-    """The border of the component at a handle, and the largest width of the blend band there."""
+    """The border of a part's connected component at a handle, and the largest width of the blend band there."""
 
     points: Float64  # (B, 3) positions of some mesh nodes at the border, in mesh units
-    direction: Float64  # (3,) unit vector from the border to the middle of the component; 0 for a part without a limb
+    direction: Float64  # (3,) unit vector from the border to the middle of the component; 0 if the part is no limb
     widest: float  # largest width of the blend band, in mesh units
 
     def band(self, affine: Float64) -> float:
-        """Return the width of the band for a part that `affine` (3, 4) moves, as a fraction of the largest width.
+        """Return the width of the blend band, divided by its largest width, for a part that `affine` (3, 4) moves.
 
         If the border moves farther across `direction`, the band is wider, so that the surface in the band is less
         steep. A motion along `direction` only lengthens the limb.
@@ -76,12 +76,12 @@ NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """The part that a handle holds, as weights."""
+    """The part that a handle moves, as weights."""
 
-    weights: Float32 = field(repr=False)  # (V,) 1 inside the part, 0 outside, and in between in the blend band
+    weights: Float32 = field(repr=False)  # (V,) weights of the vertices: 1 in the part, falling to 0 in the blend band
     of_node: Float32 = field(repr=False)  # (N,) weights of the mesh nodes (`dfd.geometry.coarse`)
-    # component: (N,) number of the connected component, such as a leg, that contains each mesh node. It is −1 outside
-    # the part and on small components.
+    # component: (N,) index of the connected component, such as a leg, that contains each mesh node. The value is −1
+    # outside the part and on small components.
     component: Int64 = field(repr=False)
     border: Border = field(default=NO_BORDER, repr=False)
 
@@ -106,8 +106,8 @@ class Parts:
         at
             A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
-            "part" is the part that a user most likely means. "smaller" is a part inside it, and "larger" is a part that
-            contains it. If there is no such part, the result is the same as for "part".
+            "part" is the part that a user most likely means. "smaller" is a part inside that part, and "larger" is a
+            part that contains it. Without a smaller or larger part, the result is as for "part".
         alike
             Whether the part includes its counterparts, such as the other legs. False gives one connected component.
 
@@ -124,10 +124,10 @@ class Parts:
         return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
     def grip(self, at: Any, band: float = BANDS[0]) -> Grip | None:
-        """Return the part that a handle at a place holds, or None if there is no part, such as on a ball.
+        """Return the part that a handle at a place moves, or None if there is no part, such as on a ball.
 
         The result includes all regions that only this part connects to the rest of the shape. `band` is the width of
-        the blend band, as a fraction of its largest width.
+        the blend band, divided by its largest width.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -183,7 +183,7 @@ class Parts:
         patches, part = self._patches, self._hierarchy.cut_labels()
         masks = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
-        # `snapped` moves borders to creases. Nodes that are then in no part or in several keep the part of their patch.
+        # `snapped` moves borders to creases. Nodes that it puts into no part or several parts keep their patch's part.
         of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), masks.argmax(axis=0)[patches.of_node])
         label = self._at_vertices([of_node == number for number in range(len(masks))])
         found = []
@@ -195,12 +195,12 @@ class Parts:
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
-        """Compute the tree of parts. This takes half a second, or several seconds for a million faces."""
+        """Compute the tree of parts, which takes half a second, or several seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Move the border of the part `inside` (P,) to creases. Return its mesh nodes (N,), with that of `vertex`."""
+        """Move the border of the part `inside` to creases; return the part's mesh nodes (N,), with that of `vertex`."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:
@@ -213,12 +213,12 @@ class Parts:
         among = np.array([best])
         if level == "larger":
             among = np.flatnonzero(area > LEAST_RATIO * area[best])
-        elif level == "smaller":  # the largest smaller tree node with clearer borders than any division of it
+        elif level == "smaller":  # the largest of the smaller tree nodes that are clear (`Hierarchy.clear`)
             among = np.flatnonzero(tree.clear[nodes] & (LEAST_RATIO * area < area[best]))[-1:]
         return nodes[among[clarity[among].argmax()] if len(among) else best]
 
     def _at_vertices(self, masks: Sequence[Bool]) -> Int64:
-        """Interpolate `masks` (N,) of mesh nodes to vertices. Return the index of the largest at each vertex, (V,)."""
+        """Interpolate `masks` (N,) to vertices. Return the index of the mask that is largest at each vertex, (V,)."""
         shares = self._patches.nodes.shares(np.array(masks, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
         label = np.zeros(len(best), np.int64)

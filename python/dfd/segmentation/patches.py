@@ -14,16 +14,16 @@ from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
 
-COUNT = 2_000  # approximate number of patches; the time grows with its square
-PACKING = 0.75  # distance between random seeds that gives about COUNT patches, in patch spacings
+COUNT = 2_000  # approximate number of patches; the computing time grows with the square of this number
+PACKING = 0.75  # smallest distance, in patch spacings, of seeds: random mesh nodes, each of which gets a patch
 NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BESIDE = 0.2  # patches beside each other have at most this distance along the surface, in diagonals of the box
+BESIDE = 0.2  # largest distance, along the surface, between patches beside each other; in diagonals of the bounding box
 STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
-MIDDLE = 1.5  # in the middle, the mean squared distance from those patches is at most MIDDLE times the smallest
-BRIDGE = 1.0  # concavity of a small gap between components of the mesh, which is a clear border
+MIDDLE = 1.5  # largest mean squared distance of a middle patch from the STARTS patches, divided by the smallest one
+BRIDGE = 1.0  # concavity assigned to borders across small gaps between components of the mesh, which are clear borders
 
 
 class Borders:
@@ -32,13 +32,13 @@ class Borders:
     Attributes
     ----------
     pairs
-        (E, 2) the patches on both sides of each border, the lower number first.
+        (E, 2) indices of the patches (or mesh nodes) on both sides of each border, the lower index first.
     length
         (E,) lengths of the borders, in diagonals of the bounding box; 0 across small gaps.
     concavity
-        (E,) how much the normals of both patches point towards each other, in [−2, 2]; above 0 in a concave crease.
+        (E,) how much the normals of the two patches point towards each other, in [−2, 2]; above 0 in a concave crease.
     apart
-        (E,) distances between the centers of both patches, in diagonals of the box.
+        (E,) distances between the centers of the two patches, in diagonals of the bounding box.
     """
 
     def __init__(self, pairs: Int64, length: Float64, center: Float64, normal: Float64) -> None:
@@ -72,17 +72,17 @@ class Patches:
     size
         The diagonal of the mesh's bounding box, in mesh units.
     spacing
-        The patch spacing: the side of a square with a patch's mean area, in diagonals of the box.
+        The patch spacing: the side of a square with the mean area of a patch, in diagonals of the bounding box.
     of_node, of_vertex
-        (N,) and (V,) the patch of each mesh node and of each vertex.
+        (N,) and (V,) index of the patch of each mesh node, and of each vertex.
     area
         (P,) areas of the patches, as shares of the surface.
     borders, node_borders
-        The borders between patches, and between nodes.
+        The borders between patches, and between mesh nodes.
     node_area
-        (N,) areas of the nodes, in squared diagonals of the box.
+        (N,) areas of the mesh nodes, in squared diagonals of the bounding box.
     first
-        (N,) for each mesh node, the first mesh node at its position; at a texture seam, nodes share a position.
+        (N,) index of the first mesh node at the position of each node. At a texture seam, several nodes coincide.
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -110,7 +110,7 @@ class Patches:
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
         mean_center = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        # Around a thin limb, the mean normal is near 0, and its direction is noise. So mean normals are not normalized.
+        # Around a thin limb, the mean normal is near 0, and its direction is noise. So mean normals keep their length.
         mean_normal = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), mean_center, mean_normal)
 
@@ -150,8 +150,8 @@ class Distal:
     def beyond(self, patch: int) -> Bool:
         """Return the patches on the distal side of a patch, (P,) bool.
 
-        The shortest paths from the middle to these patches pass through a patch beside `patch`. Two patches are beside
-        each other if they are at most `BESIDE` apart and connected by patches at least as far from the middle.
+        Shortest paths from the middle of the shape to these patches pass through `patch` or a patch beside it. A patch
+        beside it has at most the distance `BESIDE`. Patches no nearer to the middle than `patch` connect the two.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
@@ -162,7 +162,7 @@ class Distal:
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Int64, Float64]:
-    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes; pairs (E, 2) and lengths (E,) of borders."""
+    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes; `pairs` and `length` of their `Borders`."""
     count = len(nodes.center)
     first = first_at_place(mesh)
     areas, normals = np.zeros(count), np.zeros((count, 3))
@@ -182,7 +182,7 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
             between = np.flatnonzero(node[:, one] != node[:, other])
             side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
             pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
-            # The border's length in a face is a third of the face's height: the distance from its center to the side.
+            # In a face, the border goes from the center straight to a side, so its length is a third of the height.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     return areas, normals, *joined
@@ -211,7 +211,7 @@ def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tupl
 
 
 def _links(graph: csr_array, pairs: Int64) -> Int64:
-    """Return pairs (L, 2) of nodes that `graph` connects and `pairs` lacks: across small gaps, and at one position."""
+    """Return the edges (L, 2) of `graph` that `pairs` lacks: between nodes across a small gap, or at one position."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
@@ -219,7 +219,7 @@ def _links(graph: csr_array, pairs: Int64) -> Int64:
 
 
 def _seeds(points: Float64, near: float) -> Int64:
-    """Return indices of random `points` (N, 6) at least `near` apart. `near` is increased if more than `MOST` fit."""
+    """Return indices of random `points` (N, 6) at least `near` apart; `near` is increased until at most `MOST` fit."""
     tree = cKDTree(points)
     order = np.random.default_rng(0).permutation(len(points)).tolist()
     while True:  # until at most MOST points are chosen
@@ -237,7 +237,7 @@ def _seeds(points: Float64, near: float) -> Int64:
 
 
 def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
-    """Return the number of the seed nearest to each node, (N,): along the surface, or in space without a connection."""
+    """Return the index of the seed nearest to each node, (N,), along the surface; without a path, in space."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))

@@ -18,11 +18,11 @@ from dfd.mesh.normals import face_normals
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
 _QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearby samples have similar features
+_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearer samples have similar features
 _BINS = 24  # number of distance intervals for which the mean change of features is computed
 STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
 _MOVED = 0.3  # smallest share of samples that a symmetry must move
-_NO_SPREAD = 1e-4  # if the mean feature distance is smaller, the field does not distinguish symmetries
+_NO_SPREAD = 1e-4  # smallest usual feature distance (see `dissimilarity`) for which the field distinguishes symmetries
 _TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
 
 
@@ -36,8 +36,8 @@ class SurfaceFeatures:
     normals: Float64  # (N, 3) unit
     features: Float32  # (N, D)
     tree: cKDTree  # search tree of `points`
-    pairs: Int64  # (P, 2) samples with similar features, farther than _LEAST_PAIR_DISTANCE from each other
-    change: Float64  # (B,) mean feature distance of two samples, for each of B intervals of their distance in space
+    pairs: Int64  # (P, 2) indices of samples with similar features, farther than _LEAST_PAIR_DISTANCE from each other
+    change: Float64  # (B,) mean feature distance of two samples, for each of B intervals of the distance in space
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
@@ -46,7 +46,7 @@ class SurfaceFeatures:
 
         The dissimilarity is the mean feature distance of a moved sample and its image, divided by the usual feature
         distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance, and 1 if few samples
-        move. The best 80 % of the samples count. The share is the fraction of moved samples with images on the surface.
+        move. Only the best 80 % of moved samples count. The share is that of moved samples with images on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS

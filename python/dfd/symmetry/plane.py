@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # `dfd.mesh.mesh` imports SciPy, which the help of the comman
     from dfd.mesh.mesh import Mesh
 
 # Half of the width of the band in which the deformations of both sides are blended, as a fraction of the bounding box's
-# longest side. A narrower band shows a crease. In a wider band, each side's deformation affects too much of the other.
+# longest side. A narrower band shows a crease. In a wider band, too much of each side gets the other's deformation.
 DEFAULT_BAND = 0.03
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -33,7 +33,7 @@ class SymmetryPlane:
     #: the score of a mirror plane is below a threshold ε
     score: float = 0.0
     #: Mean feature distance between surface samples and their mirror images, divided by the usual feature distance of
-    #: samples that far apart. 0 is perfect, 1 is chance. Only the best four fifths of the samples count
+    #: samples that far apart. 0 is perfect, and chance gives about 1. Only the best four fifths of the samples count
     relative_score: float = 0.0
     #: Half of the width, in mesh units, of the band in which the deformations of both sides are blended. If it is 0,
     #: the deformations meet at the plane without a blend, as in Eq. 8
@@ -84,7 +84,7 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
 
 
 def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
-    """Return the plane that `text` describes, with a `band` of 3 % of the longest side of the box of `mesh`.
+    """Return the plane that `text` describes, with a `band` of 3 % of the longest side of the bounding box of `mesh`.
 
     "x", "y" or "z" is the plane perpendicular to this axis through the center of the bounding box of `mesh`. "x=0.1" is
     the plane x = 0.1 in mesh units. "0.6,0,0.8=0.1" has the normal (0.6, 0, 0.8), scaled to length 1, and offset 0.1.

@@ -12,7 +12,7 @@ Planes = Float64  # (K, 4)
 
 _SEEDS = 300  # largest number of planes halfway between two samples, for which pairs of samples vote
 _MOST_REFINED = 8  # number of planes with the most votes that are fitted
-_PAIR_FITS = 0.12  # a pair votes for a plane if one sample's mirror image is nearer than this to the other sample
+_PAIR_FITS = 0.12  # a pair votes for a plane if the mirror image of a sample is nearer than this to the other sample
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes are the same if their angle and offset differ by less
 _STEPS = 10  # largest number of Gauss-Newton steps
 # The first _COARSE_STEPS steps use every _COARSE-th sample, if more than _ENOUGH samples remain.
@@ -64,7 +64,7 @@ def _between(points: Float64, pairs: Int64) -> Planes:
 
 
 def _principal(points: Float64) -> Planes:
-    """Return three planes through the origin, perpendicular to the axes, and three principal planes at the mean."""
+    """Return the planes (6, 4) perpendicular to the axes at the origin, and to the principal axes at the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])
@@ -83,7 +83,7 @@ def _distinct(planes: Planes, most: int) -> Planes:
 
 
 def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
-    """Return a plane near `plane`, across which the mirror image of the surface fits the surface best.
+    """Return the plane near `plane` for which the mirror image of the surface fits the surface best.
 
     Gauss-Newton steps minimize the distances of mirror images to the tangent planes of the nearest samples. Images far
     from the surface are left out. Source: Chen and Medioni, "Object modelling by registration of multiple range

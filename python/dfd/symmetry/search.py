@@ -17,7 +17,7 @@ _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
 # A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus FIT_LEAVES.
-# For example, the front and the back of a figure are similar, but far less than its left and right sides.
+# For example, the front of a figure resembles the back, but its left and right sides are much more similar.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 ON_SURFACE = 0.5  # smallest share of the moved samples whose mirror images lie on the surface
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets (normalized) differ
@@ -38,15 +38,15 @@ def symmetry_planes(
     """Return the mirror planes of `mesh`: planes whose two sides have similar features.
 
     With `candidates="any"`, candidates are the planes halfway between points with similar features, and planes
-    perpendicular to principal axes or coordinate axes. Each is fitted so that the mirror image of the surface is
-    nearest to the surface. Nearly equal planes are merged. A plane nearly perpendicular to a coordinate axis is made
-    exactly perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies is not found.
+    perpendicular to principal axes or coordinate axes. Each candidate is moved so that the mirror image of the surface
+    is nearest to the surface. Of nearly equal planes, one is kept. A plane nearly perpendicular to a coordinate axis is
+    made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies is not found.
 
     Parameters
     ----------
     threshold
-        A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. The right ε depends
-        on the encoder and its block, because the ranges of their features differ. "relative" returns planes with a
+        A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. The best ε depends
+        on the encoder and its block, because their feature distances differ. "relative" returns planes with a
         `relative_score` of at most 0.25, and of at most 3 times the best `relative_score` plus 0.01.
     candidates
         "any", or "axes" for the paper's three planes: perpendicular to the axes, through the center of the box.
@@ -58,7 +58,7 @@ def symmetry_planes(
     Raises ValueError if `field` is not callable, `threshold` is another word, negative or not finite, or `candidates`
     is another word.
 
-    Source: paper, section 3.3.3. Planes from pairs of points are from Mitra, Guibas and Pauly, "Partial and approximate
+    Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
     """
     check.field("symmetry_planes", field)

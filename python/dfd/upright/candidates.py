@@ -21,7 +21,7 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_PERPENDICULAR = 0.1  # if the right vector has a smaller component perpendicular to up, another one is chosen
+LEAST_PERPENDICULAR = 0.1  # smallest component, perpendicular to up, of a right vector that can be used
 LEAST_EXTENT = 1e-6  # an extent along a direction counts as 0 up to this fraction of the bounding box's longest side
 
 
@@ -30,9 +30,9 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
-    # Probability in [0, 1] that the direction's axis or a nearly parallel axis is upright; 1 if the user gave it
+    # Probability in [0, 1] that the axis of `frame`'s up or a nearly parallel axis is upright; 1 for the source "said"
     confidence: float = 0.0
-    # "said": the user gave the direction. "file": +y is the most probable, or nothing was measured (confidence 0).
+    # "said": the user gave `up`, not "auto". "file": +y is the most probable, or nothing was measured (confidence 0).
     # "found": another direction is the most probable. "averaged": features of the two most probable ones are combined.
     source: Literal["said", "file", "found", "averaged"] = "file"
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
@@ -140,7 +140,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def frame_facing(up: Float64, right: Float64) -> Float64:
-    """Return the frame with the up vector `up` and the right vector nearest to `right`; arguments are unit, (3,)."""
+    """Return the frame with the up vector `up`, and the right vector nearest to `right`; both are unit vectors (3,)."""
     perpendicular = right - (right @ up) * up
     if np.linalg.norm(perpendicular) < LEAST_PERPENDICULAR:
         perpendicular = np.cross(up, np.eye(3)[np.abs(up).argmin()])

@@ -24,10 +24,10 @@ CLEAR = 0.9  # if no axis has at least this probability, the field is distilled 
 # If an axis has at least this probability after the pictures with +y as up, the search ends, because more pictures
 # hardly ever change the result. This probability does not include `prior`.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # if an axis has at least this probability after the pictures `SIDES` for all axes, `CORNERS` are left out
+SURE = 0.97  # if an axis has at least this probability after pictures from `SIDES`, no pictures from `CORNERS` are used
 SAME = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are one candidate
 NEARLY_PARALLEL = np.cos(np.radians(20))  # cosine of 20°; probabilities of axes at a smaller angle are added
-GLTF_UP = 2.5  # log-odds that are added to +y for glTF files, because the glTF standard defines +y as up
+GLTF_UP = 2.5  # added to the log-odds of +y for glTF files, because the glTF standard defines +y as up
 UNALIGNED_PRIOR = 0.5  # factor of the result of `prior` if the shape is not aligned with the axes of the file
 
 
@@ -39,9 +39,9 @@ def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
     """Return the up direction of `mesh`, found from the encoder's tokens of pictures and from cues of the surface.
 
-    The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has the best two.
+    The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has two directions.
 
-    `probe` must be learned from tokens of `encoder`. None takes the package's probe. If it has none, the result is +y.
+    `probe` must be learned from tokens of `encoder`. None takes the package's probe. Without a probe, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -63,7 +63,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
 
 def _among_file_axes(cues: StabilityCues, frame: Float64, cameras: ProbeCameras, probe: UpProbe) -> Up:
-    """Return the up direction of a shape aligned with the file's axes. Pictures are added until an axis is sure."""
+    """Return the up direction of a shape aligned with the file's axes. Pictures are added until an axis is probable."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([cues.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
@@ -101,8 +101,8 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return 2K frames (2K, 3, 3) in which a tilted shape may be upright. Frame 2k + 1 is frame 2k upside down.
 
-    Candidates for up are the axes of the file, the stable poses with an upright mirror plane, and two eigenvectors of
-    the pictures' vote `form` (3, 3). Projections of both eigenvectors onto the mirror plane are also candidates.
+    Candidates for up are the axes of the file, the up directions of `cues.stable_ups`, and two eigenvectors of `form`
+    (3, 3), the vote of the pictures. The projections of both eigenvectors onto the mirror plane are also candidates.
     """
     normal = frame[0]
     main = np.linalg.eigh(form)[1].T[::-1][:2]
@@ -115,7 +115,7 @@ def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
 
 
 def prior(probe: UpProbe, frame: Float64) -> float:
-    """Return the log-odds of `frame` before pictures are seen, because most files have a conventional up direction."""
+    """Return the prior log-odds of `frame` without any picture; most files have a conventional up direction."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     if np.allclose(frame[1], AXES["-y"]):

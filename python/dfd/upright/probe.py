@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 KIND = "dfd up probe 2"  # format version 2
 LOOKS = ("looks upright", "looks right side up")  # names of the votes: for the axis (up or down), and for its upper end
-TERMS = (*LOOKS, *EVIDENCE)
+TERMS = (*LOOKS, *EVIDENCE)  # names of the values whose weighted sum gives the log-odds of a candidate
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
@@ -80,7 +80,7 @@ class UpProbe:
         return form, vector
 
     def terms(self, seen: ViewTokens, ups: Float64, evidence: Float64) -> Float64:
-        """Return the `TERMS` (K, 9) of the unit directions `ups` (K, 3), whose `evidence` (K, 7) is given."""
+        """Return the values (K, 9) of `TERMS` for the unit directions `ups` (K, 3) with the cues `evidence` (K, 7)."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
 

@@ -34,7 +34,7 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # directions of the middles of a square's sides, and of its corners
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # camera directions: front, right, back and left; and between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class ProbeCameras:
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
     def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
-        """Return the tokens of K·E pictures: for each of `frames` (K, 3, 3), one from each direction `eyes` (E, 3).
+        """Return the tokens of K·E pictures, one for each of `frames` (K, 3, 3) and each direction in `eyes` (E, 3).
 
         Raises ValueError if no camera ray hits the mesh.
         """
@@ -87,7 +87,7 @@ class ProbeCameras:
 def _halves(tokens: Float32, covered: Bool) -> Float32:
     """Return the mean of a picture's tokens, and the mean of its right half minus that of its left half, (2, D).
 
-    `tokens` are (h, w, D). `covered` (R, R) is True for pixels that show the shape; only their patches are used.
+    `tokens` are (h, w, D). `covered` (R, R) is True for pixels on the shape. Patches with few of them are left out.
     """
     side = len(tokens)
     within = len(covered) // side

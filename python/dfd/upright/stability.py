@@ -20,11 +20,11 @@ POINTS = 2000  # number of surface samples
 REFLECTED = 500  # number of surface samples whose mirror images are compared with the surface
 BASE = 0.03  # height of the base above the lowest vertex, as a fraction of the bounding box's diagonal
 FACES_UP = 0.9  # a normal faces up if its cosine with up is larger than this
-ALIGNED = 1.25  # an axis of the file is a mirror normal if its `mirror_error` is at most this times the smallest one
+ALIGNED = 1.25  # largest `mirror_error` of a mirror normal along an axis of the file, divided by the smallest error
 LEAST_ERROR = 0.004  # `mirror_error` of an exact mirror plane, which is above 0 because samples are random
 LEAST_HEIGHT = 1e-6  # smallest divisor of heights, as a fraction of the box's diagonal; flat shapes have height 0
 DIRECTIONS = 200  # number of candidate normals of mirror planes, over half of the sphere
-RESTS = 4  # largest number of stable poses that become candidates
+RESTS = 4  # largest number of stable poses that become candidates for up
 _NEARLY_PARALLEL = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are nearly parallel
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exact normal of a plane, in radians
 
@@ -63,15 +63,15 @@ class StabilityCues:
                 base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # ratio of two areas
                 float((points < height.min() + BASE * self.diagonal).mean()),
                 float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
-                mirrored,  # mirror error of the better upright plane
-                self.mirror_error(up),  # mirror error of the flat plane
+                mirrored,  # mirror error of the better vertical plane
+                self.mirror_error(up),  # mirror error of the horizontal plane
             ]
         )
 
     def mirror_error(self, normal: Float64) -> float:
         """Return the mirror error: the mean distance of mirror images from the surface, divided by the box's diagonal.
 
-        The mirror plane has `normal` (3,) and passes through the middle of the surface.
+        The mirror plane has the normal `normal` (3,) and passes through the mean of the surface samples.
         """
         self._measure([normal])
         return self._mirror_errors[_key(normal)]
@@ -128,8 +128,8 @@ class StabilityCues:
     def frame(self) -> Float64:
         """Return the axes (3, 3) of the shape, in rows.
 
-        If one axis of the file is a mirror normal, these are the axes of the file. Otherwise they are the normal of the
-        best mirror plane, and the sides of the smallest rectangle around the shape's projection onto this plane.
+        If one axis of the file is a mirror normal, the result is the axes of the file. Otherwise, it is the normal of
+        the best mirror plane, and the sides of the smallest rectangle around the shape's projection onto this plane.
         """
         normal = self.mirror_normal()
         least = max(self.mirror_error(normal), LEAST_ERROR)
