@@ -6,7 +6,7 @@ commands. If Python and a command write the same mesh file, its vertices must be
     <!-- output -->        the output of the code block above
     <!-- draw NAME -->     pictures of the page's variable NAME, which a code block above or below defines. A session
                            gives pictures before and after the edit, and a picture of the weights. A dict maps captions
-                           to sessions, pictures, or pairs of a mesh and options of `picture`.
+                           to sessions, pictures, or pairs of a mesh and options of the function `picture`.
 """
 
 import contextlib
@@ -35,10 +35,10 @@ from dfd.pictures.viewpoint import azimuth_towards
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
-LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)
+LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)  # draws a variable that a later code block defines
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # the options of `picture` that draw marks
-TOLERANCE = 1e-4  # vertices that differ by less than this fraction of the diagonal count as equal (32-bit files)
+TOLERANCE = 1e-4  # positions count as equal up to this fraction of the diagonal, because files store 32-bit floats
 MARGIN = 6  # pixels around the shapes in a row of pictures
 SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
 
@@ -139,7 +139,7 @@ class _Page:
 
 
 def _cells(value: Any) -> list[Cell]:
-    """Return captioned pictures: three stages of a session, or weights above the result for each session in a dict."""
+    """Return captioned pictures. A session gives its three stages. Each session in a dict gives weights and result."""
     if isinstance(value, dfd.Deformer):
         stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
         return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]

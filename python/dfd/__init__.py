@@ -58,8 +58,8 @@ __all__ = [
 # Experimental names: they may change with any version.
 __all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
 
-# The module of each name that is imported when the name is first used, because it imports torch, trimesh or SciPy. So
-# `import dfd` and `dfd --help` are fast.
+# The module of each name whose module is imported at the first use of the name. These modules import torch, trimesh or
+# SciPy, which are slow to import. So `import dfd` and `dfd --help` are fast.
 _LAZY = {
     "Deformer": "dfd.editing.deformer",
     "DistillSettings": "dfd.distillation.settings",

@@ -13,7 +13,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 def app(
     mesh: Annotated[
-        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; else a start page opens.")
+        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; if left out, the start page.")
     ] = None,
     field: options.MadeField = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.")] = None,
@@ -21,7 +21,7 @@ def app(
     preset: options.Preset = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, Option(min=0, max=65535, help="The server's port; by default 8765, or a free one if that is used.")
+        int | None, Option(min=0, max=65535, help="The server's port; by default 8765, or a free port if 8765 is used.")
     ] = None,
     host: Annotated[
         str, Option(help="The address of the server. With the default, other machines cannot connect.")

@@ -42,8 +42,8 @@ def batch(
         list[Path] | None,
         Option(
             metavar="MESH",
-            help="The mesh on which each --edit was made, with its field NAME.field.safetensors in the same folder; by"
-            " default the files that the edits name.",
+            help="The mesh on which each --edit was made. The mesh's folder must contain NAME.field.safetensors, the"
+            " mesh's field. By default, the files that the edits name.",
         ),
     ] = None,
     threshold: options.Threshold = None,

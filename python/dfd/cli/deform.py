@@ -43,11 +43,11 @@ def deform(
     name: Annotated[str | None, Option(metavar="TEXT", help="The name of the handle in the edit.")] = None,
     fix: options.Fix = None,
     symmetry: Annotated[
-        str | None, Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry: handles also act mirrored.")
+        str | None, Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Plane of symmetry that mirrors all motions.")
     ] = None,
     band: Annotated[
         float | None,
-        Option(metavar="WIDTH", help="Half width of the band in which both sides blend, mesh units; 0: no band."),
+        Option(metavar="WIDTH", help="Half width, in mesh units, of the band in which both sides blend; 0: no band."),
     ] = None,
     symmetry_candidates: Annotated[
         str | None, Option(metavar="any|axes", help="Planes that --symmetry auto tries; axes: as in the paper.")
@@ -56,7 +56,7 @@ def deform(
         str | None,
         Option(
             metavar="ε|relative",
-            help="Largest score of a plane for --symmetry auto; by default relative to the spread of the features.",
+            help="Largest score that --symmetry auto accepts; by default relative to the spread of the features.",
         ),
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
@@ -68,8 +68,8 @@ def deform(
         bool,
         Option(
             "--force",
-            help="Accept a field or an edit of another shape. Of several shapes, also deform those with a low"
-            " confidence; the picture marks them as unsure.",
+            help="Accept a field or an edit of another shape. With several shapes, also deform shapes with a low"
+            " confidence; the picture marks these shapes as unsure.",
         ),
     ] = False,
     encoder: options.Encoder = DEFAULT_ENCODER,
@@ -86,7 +86,7 @@ def deform(
 ) -> None:
     """Deform MESH by handles from options, from an edit, or from both. Or deform several shapes by one edit.
 
-    On several shapes, each handle moves to the most similar place. Shapes without similar places are left out.
+    On several shapes, each handle is put at the most similar place. Shapes without similar places are left out.
     """
     held = handles(context)
     if len(meshes) > 1 or made_on is not None or has_magic(meshes[0]):

@@ -44,7 +44,7 @@ def deform_many(
 ) -> None:
     """Transfer the edit to every shape, and write the deformed shapes. Exit with code 1 if some shapes are left out.
 
-    `fields` is a folder. `preset` applies to the edit and to distilled fields. `how` are arguments of `open_field`.
+    `fields` is a folder of fields. `preset` applies to the edit and to new fields. `how` is for `open_field`.
     """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
     _check(files, output, fields, sheet)
@@ -57,7 +57,7 @@ def deform_many(
     from dfd.pictures.sheet import session_views
 
     def field_of(file: Path, shape: Mesh) -> Field:
-        """Read the field from its file. If there is no file, read it from the cache, or distill it."""
+        """Read the field from its file. If there is no file, read the field from the cache, or distill the field."""
         path = field_path(file, fields)
         return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
 
@@ -122,7 +122,7 @@ def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path
 
 
 def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of: FieldOf) -> Original:
-    """Return the edit with its mesh: `made_on`, the file with the hash in the edit, or the file that the edit names."""
+    """Return the edit with its mesh: `made_on`, the one of `files` with the edit's hash, or the file in the edit."""
     import dfd
     from dfd.batch.one_edit import Original, find_files
 

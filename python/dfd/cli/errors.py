@@ -74,9 +74,9 @@ class CommandGroup(TyperGroup):
 
 # Python arguments, and the parameters of commands that set them, if both names differ.
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
-PATHS = {"load": "MESH", "Field.load": "--field"}  # the option for the argument `path` of a Python function
+PATHS = {"load": "MESH", "Field.load": "--field"}  # the option that sets the argument `path` of a Python function
 CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages that begin with a function
-REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by names in Python
+REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by remedies in Python
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:

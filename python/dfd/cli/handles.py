@@ -43,7 +43,7 @@ class HandlesCommand(TyperCommand):
 
 
 def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
-    """Return for each handle on a command line the text of its place, and its other arguments of `Deformer.add`.
+    """Return the text of the place of each handle on a command line, and the handle's arguments of `Deformer.add`.
 
     Raises ValueError if an option of a handle is given without a handle, or a factor of `--scale` is 0.
     """

@@ -11,7 +11,7 @@ from dfd.common.described import About
 from dfd.common.preset import Preset as PresetName
 from dfd.editing.presets import PRESETS
 
-# In the help, this stands for the place of a handle.
+# The help shows this text for the place of a handle.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
@@ -24,12 +24,12 @@ Preset = Annotated[
     PresetName | None,
     Option(
         metavar="default|paper",
-        help="Defaults of all other settings: dfd's own, or those of the paper; by default the preset of --edit.",
+        help="Defaults of all other settings: dfd's own, or the paper's; if left out, dfd's own or those of --edit.",
     ),
 ]
 Fix = Annotated[
     list[str] | None,
-    Option(metavar="PLACE[:S]", help="Fix this place and its counterparts, with a strength S from 0 to 1; repeatable."),
+    Option(metavar="PLACE[:S]", help="Fix this place and surface like it, with a strength S from 0 to 1; repeatable."),
 ]
 Encoder = Annotated[
     str, Option(metavar="NAME", help="The encoder: a known name, a weights folder, or a name on the Hugging Face hub.")
@@ -39,7 +39,7 @@ Threshold = Annotated[
 ]
 Azimuth = Annotated[
     float | None,
-    Option(help="Azimuth of the first view, degrees from +z to +x; by default the camera faces the handles."),
+    Option(help="Azimuth of the first view, in degrees from +z to +x; by default, the camera faces the handles."),
 ]
 Elevation = Annotated[float, Option(min=-90.0, max=90.0, help="Elevation of the camera, degrees.")]
 Zoom = Annotated[float, Option(min=0.01, help="Magnification; above 1, the handles are at the center.")]
@@ -48,7 +48,7 @@ Resolution = Annotated[int, Option(min=16, max=8192, help="Width and height of e
 
 
 def add_options(command: Callable[..., None], annotations: Mapping[str, Any], after: str) -> None:
-    """Replace the `**` keywords of `command` by options with the default None, behind the parameter named `after`."""
+    """Replace the `**` keywords of `command` by `annotations` with the default None, after the parameter `after`."""
     own = [each for each in signature(command, eval_str=True).parameters.values() if each.kind is not each.VAR_KEYWORD]
     index = 1 + [each.name for each in own].index(after)
     own[index:index] = [
