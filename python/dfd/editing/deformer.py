@@ -195,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The farther a translation, rotation or scale moves the border, the wider is the band.
+        The further a translation, rotation or scale moves the border across the limb, the wider is the band.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
