@@ -26,11 +26,11 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     """Return the shapes that `inputs` name, ordered by name.
 
     `inputs` are mesh files and globs, or one CSV manifest with a column `path` and optional columns `name` and `field`.
-    Paths in a manifest are relative to its folder. The name of a shape from a glob is its path relative to the folder
-    that all globs share. Unsafe characters in a name are replaced. A long or repeated name ends in a hash of the path.
+    Paths in a manifest are relative to its folder. Without a manifest, the name of a shape is its path relative to the
+    folder that all inputs share. Unsafe characters in a name are replaced. A long or repeated name ends in a hash.
 
-    Raises ValueError if a manifest lacks the column `path` or a row has no path. Raises OSError if a glob matches
-    nothing, or a file does not exist or cannot be read.
+    Raises ValueError if `inputs` is empty, or a manifest is not valid or is not the only input. Raises OSError if a
+    glob matches nothing, or a file does not exist or cannot be read.
     """
     if not inputs:
         raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")
@@ -70,13 +70,13 @@ def has_magic(pattern: str) -> bool:
 
 def _of_globs(patterns: Sequence[str]) -> Iterator[tuple[str, Path, None]]:
     paths = dict.fromkeys(path.absolute() for pattern in patterns for path in matches(pattern))
-    # Names are relative to the folder that the patterns share. So a file that is added changes no other name.
+    # Names are relative to a folder that depends only on the patterns, so that files added later change no other name.
     shared = Path(os.path.commonpath([_fixed_folder(Path(pattern).absolute()) for pattern in patterns]))
     return (("-".join(path.relative_to(shared).parts), path, None) for path in paths)
 
 
 def _fixed_folder(pattern: Path) -> Path:
-    """Return the folder of a pattern before its first wildcard; without wildcards, return the folder of its file."""
+    """Return the innermost parent folder of `pattern` that has no wildcard in its path."""
     folder = pattern.parent
     while has_magic(str(folder)):
         folder = folder.parent

@@ -23,8 +23,8 @@ from dfd.mesh.mesh import Mesh, load
 
 CONFIDENT = 0.5  # the default threshold; below this confidence, a handle probably moves another part
 # If the cosine between a handle's features on both shapes is SIMILAR, the confidence is 0.5. For fields with a learned
-# metric, SIMILAR_LEARNED replaces SIMILAR, because this metric increases differences between shapes. Without it, a
-# handle on a chair's leg had cosines of 0.40 to 0.71 on the legs of other seats, and of 0.29 to 0.34 on a bird.
+# metric, SIMILAR_LEARNED replaces SIMILAR, because this metric increases differences between shapes. Without a learned
+# metric, cosines between legs of different seats were 0.40 to 0.71, and between a chair's leg and a bird at most 0.34.
 SIMILAR, SIMILAR_LEARNED = 0.45, 0.25
 
 
@@ -56,7 +56,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """The other shape probably has no part like an edited one. `confidence` is as in `Carried`."""
+    """The target shape probably lacks one of the edited parts. `confidence` is as in `Carried`."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -69,7 +69,7 @@ class Carried:
 
     deformer: Deformer  # a session of the other shape with the edit
     # Confidence of each handle and fixed point, 0 to 1, by name. For a handle, it is at most the probability that the
-    # handle moves the same part (`dfd.editing.agreement`). For a fixed point, it grows with the cosine of the features.
+    # handle moves the same part (`dfd.editing.agreement`). A fixed point's confidence grows with the features' cosine.
     confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # with `force`, names whose confidence is below the threshold
 
@@ -87,7 +87,7 @@ def carry(
 
     `field` is the field of the other shape, made with the same encoder. `features` are as in `Deformer`. `threshold`,
     in [0, 1] and by default 0.5, is the smallest accepted confidence. With `force`, any confidence is accepted, and
-    `Carried.unsure` names the handles and fixed points below `threshold`. `field` may then be that of another shape.
+    `Carried.unsure` names the handles and fixed points below `threshold`. `force` also accepts another shape's `field`.
 
     Raises UnlikeError if a confidence is below `threshold`. Raises ValueError if `transfer` or `Deformer` raises it.
     """
@@ -142,7 +142,7 @@ class EditSource(BaseModel):
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
     """Find the mesh and the field on which an edit was made. `made_on` replaces the mesh that the edit names.
 
-    The field is the one that the edit names, if it is unchanged and belongs to this mesh. Otherwise, it is the file
+    If the edit names this mesh and a field that is unchanged, that field is returned. Otherwise, it is the file
     `field_path(mesh)`.
 
     Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.

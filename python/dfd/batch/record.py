@@ -1,4 +1,4 @@
-"""The record of one shape, a JSON file with the results. It is written last, so it shows that the shape is finished."""
+"""The record of one shape: a JSON file with the results. If the record exists, all steps for the shape have ended."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -16,7 +16,7 @@ CAUSES: dict[str, str] = {  # names of the causes in texts for users
     "crash": "crash",
     "error": "error of dfd",
 }
-FAILED_EXPORT = "_failed"  # suffix of the name of a figure (see `Record`) that holds the error of an export
+FAILED_EXPORT = "_failed"  # if an export fails, `Record.figures` holds the error under a name with this ending
 Figure = bool | int | float | str | None
 
 
@@ -33,7 +33,7 @@ class Record:
     seconds: float = 0.0  # duration of all steps together
     timings: dict[str, float] = field(default_factory=dict)  # duration of each step, by its name, seconds
     figures: dict[str, Figure] = field(default_factory=dict)  # numbers and other results of the steps, by name
-    files: list[str] = field(default_factory=list)  # names of the other files in the shape's folder
+    files: list[str] = field(default_factory=list)  # names of the files in the shape's folder, without the record
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -55,7 +55,7 @@ def write_record(root: Path, record: Record) -> None:
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:
-    """Return the record of a shape; None if there is no record, or the mesh file has changed since."""
+    """Return the record of a shape; None if there is no record for the present content of the mesh file."""
     try:
         record = Record(**json.loads((shape_folder(root, shape.name) / "record.json").read_text("utf-8")))
     except (OSError, ValueError, TypeError):

@@ -19,8 +19,8 @@ from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
 
 RETRIES = 1  # number of times that a task is repeated if its process dies, e.g. because other tasks used up the memory
-OBJECT_STORE = 128 * 2**20  # bytes for the results of tasks, which are small
-# Memory of one task, in bytes, for a shape of a million faces: with the step "distill", which loads torch, and without.
+OBJECT_STORE = 128 * 2**20  # bytes that Ray reserves for the results of tasks, which are small
+# Bytes of memory that one task needs for a shape of a million faces. The step "distill" needs more: it loads torch.
 DISTILL_MEMORY, OTHER_MEMORY = int(2.5 * 2**30), int(1.5 * 2**30)
 
 
@@ -46,8 +46,8 @@ def run_batch(
 ) -> list[Record]:
     """Process every shape that has no record in the folder `root`, and write `shapes.jsonl` and `index.html`.
 
-    `retry` repeats shapes that failed before. `tell` is called with each record, those of earlier runs first. Return
-    the records in the order of `shapes`.
+    With `retry`, shapes that failed before are processed again. `tell` is called with each record; records of earlier
+    runs come first. Return the records in the order of `shapes`.
 
     Raises ValueError if Ray is not installed, or has fewer resources than one task needs. Raises OSError if the folder
     cannot be written, or no cluster answers.
@@ -109,7 +109,7 @@ def _on_ray(
     most_running = min(int(total.get(name, 0.0) / needed + 1e-9) for name, needed in needs.items() if needed)
     if most_running == 0:
         has = ", ".join(f"{total.get(name, 0.0):g} {name}" for name in ("CPU", "GPU"))
-        raise ValueError(f"`--threads` and `--gpus` must be at most what Ray has, {has}")
+        raise ValueError(f"`--threads` and `--gpus` must not be above the resources of Ray: {has}")
     # By default, Ray runs each GPU task in a new process, which would load the encoder again. `max_calls` avoids this.
     options = {"num_cpus": resources.threads, "num_gpus": resources.gpus, "memory": memory, "max_calls": 0}
     task = ray.remote(max_retries=RETRIES, **options)(_task)

@@ -50,7 +50,7 @@ class BatchSettings(BaseModel):
         return value
 
     def model_post_init(self, context: Any, /) -> None:
-        """Raise ValueError if a step lacks its input."""
+        """Raise ValueError if a step lacks its input, or an input lacks its step."""
         for step, given in (("edits", self.edits), ("exports", self.exports)):
             if (step in self.steps) != bool(given):
                 raise ValueError(f'`--{step.removesuffix("s")}` and the step "{step}" must be given together')

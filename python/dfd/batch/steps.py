@@ -39,7 +39,7 @@ from dfd.weights.compact import compact
 FIELD = "field.safetensors"
 PIXELS = 256  # side of a picture, pixels
 loaded_original = lru_cache(maxsize=16)(EditSource.original)  # a worker process reads each edit once
-FOLDER_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # end the batch: every other shape would fail too
+FOLDER_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)  # they end the batch, because all other shapes would fail
 
 
 def process(root: Path, shape: Shape, settings: BatchSettings) -> Record:
@@ -137,7 +137,7 @@ class _Work:
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
-        """Write compressed features, `rows` @ `basis`.T + `mean`. Their error changes weights by at most about 0.01."""
+        """Write the features in compressed form: they are approximately `rows` @ `basis`.T + `mean` of the file."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:
@@ -158,7 +158,7 @@ class _Work:
             save_png(self.folder / "features.png", picture(self.mesh, colors=colors, resolution=PIXELS))
 
     def edits(self) -> None:
-        """Transfer every edit, and write each result. Figures hold the confidences and reasons of refusal."""
+        """Transfer every edit, and write each result. Record the confidences, and why an edit is refused."""
         threshold = self.settings.threshold
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
@@ -177,9 +177,9 @@ class _Work:
                 save_png(self.folder / f"{name}.png", drawn)
 
     def exports(self) -> None:
-        """Write the shape, posed by each edit that fits, in every format of the settings.
+        """Write the shape, posed by each transferred edit, in every format of the settings.
 
-        If an export raises ValueError, a figure contains the error, and all other results of the shape stay.
+        If an export raises ValueError, the record contains the error, and all other results of the shape stay.
         """
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:

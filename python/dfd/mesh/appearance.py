@@ -38,7 +38,7 @@ class Material:
 class Appearance:
     """The colors of the faces of a mesh.
 
-    Face corners refer to rows: a row is a vertex with one texture coordinate and one color. A seam vertex has several.
+    Face corners refer to *rows*: vertices with one texture coordinate and one color. A seam vertex has several rows.
     """
 
     corners: Int32  # (R,) mesh vertex of each row; −1 for a row that no face uses
@@ -49,7 +49,7 @@ class Appearance:
     colors: Float32 | None = None  # (R, 4) display-referred RGBA in [0, 1]
 
     def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> Float32:
-        """Return sRGB colors and alpha, (N, 4) in [0, 1]: point i lies on face `faces[i]`, at `barycentric[i]` (3,)."""
+        """Return the sRGB colors and alpha (N, 4), in [0, 1], of points on `faces` (N,) at `barycentric` (N, 3)."""
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]
@@ -130,7 +130,7 @@ def _sample(material: Material, uv: Float32) -> Float32:
 
 
 def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
-    """Return the texels before and after each coordinate (N,), and its place between the two, (N, 1) in [0, 1]."""
+    """Return the texels before and after each coordinate (N,), and the fraction (N, 1) of the way between them."""
     period = {"repeat": 1, "mirror": 2, "clamp": 0}[wrap]
     # Whole periods are subtracted first, so that coordinates far from 0 keep their precision.
     coordinate = coordinate - period * np.floor(coordinate / period) if period else coordinate.clip(0, 1)

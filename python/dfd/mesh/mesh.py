@@ -43,7 +43,7 @@ class Mesh:
 
     Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. (In an OBJ file, faces
     call this vertex i + 1.) Vertices that no face uses count too. GLB, glTF and STL files have no single list of
-    vertices. For these, the vertices are the distinct positions that faces use, in the order of the file.
+    vertices. For these files, the vertices are the distinct positions that faces use, in the order of the file.
 
     Several vertices may have the same position. The faces of a mesh from a file then use only the first of them, even
     along seams of texture or normals. `representative[i]` is the index of the first vertex at the position of vertex i.
@@ -60,7 +60,7 @@ class Mesh:
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and copy `vertices` (V, 3) and `faces` (F, 3), which hold at least three vertices and one face.
+        """Check and copy `vertices` (V, 3) and `faces` (F, 3): at least three vertices and one face.
 
         Faces without area and repeated faces are kept. `appearance` holds the colors of the faces. `scene` is the
         content of the source file, which `save` needs.
@@ -121,7 +121,7 @@ class Mesh:
     def part_vertices(self, name: str) -> Int64:
         """Return the vertices (N,), ascending, that the faces of the part `name` use.
 
-        If no part has this name, all faces of the geometry or else of the material with this name are used.
+        If no part has this name, the geometry with this name is used; if there is none, the material with this name.
 
         Raises ValueError if nothing in the scene has this name; the message lists the names of the parts.
         """

@@ -31,7 +31,7 @@ def weld(positions: Float64) -> tuple[Int64, Int32]:
 def first_occurrences(values: NDArray[Any]) -> tuple[Int64, Int32]:
     """Return the index (V,) at which each distinct value first occurs, ascending, and the group (N,) of each value.
 
-    `values` are N numbers or N rows. Equal values form a group. Groups are numbered in the order of these indices.
+    `values` are N numbers or N rows. Equal values form a group. Groups are numbered in the order of first occurrence.
     """
     group = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     first = np.full(group.max(initial=-1) + 1, len(values))

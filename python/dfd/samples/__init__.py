@@ -1,6 +1,6 @@
-"""Generate shapes for tests and demos, with a label of the part of each vertex.
+"""Generate shapes for tests and demos, with labels that name the part of each vertex.
 
-All shapes are upright (+y) and face +z; right is +x. Their height is about 1. The plane x = 0 is an exact mirror plane.
+All shapes are upright (+y), face +z and are about 1 high. "Right" means +x. The plane x = 0 is an exact mirror plane.
 """
 
 from dataclasses import dataclass

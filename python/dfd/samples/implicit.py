@@ -20,7 +20,7 @@ class Primitive:
     distance: Distance
     instance: int = 0  # index of the part among the parts of its kind
     paired: bool = False  # whether the mirror image is another part, with the index `instance` + 1
-    blend: float = 0.02  # width of the smooth transition to the union of the previous primitives
+    blend: float = 0.02  # width of the smooth transition to the union of the primitives before it in the shape
 
 
 class Shape:
@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Move `points` (N, 3) to the surface in `times` steps of length `step` or less. Points on x = 0 stay on it."""
+        """Move copies of `points` (N, 3) to the surface in `times` steps of length `step` or less; x = 0 stays 0."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)

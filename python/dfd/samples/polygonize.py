@@ -14,8 +14,8 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8, group_sums
 from dfd.samples.implicit import Shape
 
-_FIRST_SPACING = 1 / 40  # spacing of a trial grid; the final spacing is computed from its number of faces
-_MOST_GRID_FACES = 60_000  # largest number of faces that a grid gives; a mesh with more faces is subdivided
+_FIRST_SPACING = 1 / 40  # spacing of a trial grid, whose number of faces determines the final spacing
+_MOST_GRID_FACES = 60_000  # a mesh of more faces is made by subdivision of a coarser mesh
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 _EDGES = [  # the 12 edges of a cell: (axis, start corner, end corner), indices of `_CORNERS`
     (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
@@ -50,7 +50,7 @@ def polygonize(
 def _half(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
 ) -> tuple[Float64, Int32]:
-    """Return the surface net of the half x ≥ 0 of the shape. Its boundary lies exactly in x = 0."""
+    """Return the surface net of the half x ≥ 0 of the shape. The net's boundary lies exactly in the plane x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the plane x = 0 halves the first layer of cells
     count = np.ceil((np.array(high) - origin) / spacing).astype(int) + 1
     points = origin + spacing * np.ascontiguousarray(np.indices(count).reshape(3, -1).T)
@@ -70,7 +70,7 @@ def _half(
 
 
 def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
-    """Return the largest connected component. On a coarse grid, the thin tip of a horn can be another component."""
+    """Return the largest connected component. On a coarse grid, the thin tip of a horn can be a separate component."""
     component = _core.components(len(vertices), triangles, np.zeros((0, 2), np.int32))
     kept = component == np.bincount(component).argmax()
     number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
@@ -112,7 +112,7 @@ def _sheets() -> Int64:
                 on_face = [edge for edge in cut if all(_CORNERS[c][axis] == side for c in _EDGES[edge][1:])]
                 for edge in on_face:
                     for other in on_face:
-                        # If all four edges of a cell's face are crossed, its two inside corners are not connected.
+                        # If all four edges of a cell's face are crossed, the face's inside corners are not connected.
                         shared = set(_EDGES[edge][1:]) & set(_EDGES[other][1:])
                         if len(on_face) == 2 or any(code >> corner & 1 for corner in shared):
                             old, new = sheet[edge], sheet[other]
@@ -150,7 +150,7 @@ def _triangles(vertices: Float64, quads: Int32) -> Int32:
 
 
 def _smoothed(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
-    """Return the vertices after three steps, each towards the mean of their neighbors and then to the surface."""
+    """Return the vertices after three steps, each halfway to the mean of their neighbors and back to the surface."""
     vertices = shape.project(vertices, spacing, 2)
     sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     starts, ends = np.concatenate([sides, sides[:, ::-1]]).T

@@ -15,8 +15,8 @@ Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # in degrees, as in the paper and its public code
 PAPER_DISTANCE = 2.8  # distance of cameras from the center of a shape in the cube [−1, 1]³, as in the paper
-MARGIN = 1.06  # smallest width of the picture divided by the width of the shape in it
-CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the shape's largest extent
+MARGIN = 1.06  # the picture is at least this many times as wide as the shape in it
+CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the bounding box's longest side
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])  # signs of x, y, z
 _CHUNK = 1 << 12  # number of points per matrix product, which then fits the processor's cache
 
@@ -44,17 +44,17 @@ class Camera:
         """Return the unit directions (R², 3) of rays through the centers of pixels, row by row from the top left."""
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
         x, y = np.tile(across, resolution), np.repeat(-across, resolution)
-        # NumPy is slow if the last axis has length 3, so it is the first axis here.
+        # NumPy is slow if the last axis has length 3, so the three coordinates are the first axis here.
         local = np.stack([x, y, np.full(len(x), -1.0)]) / np.sqrt(1 + x * x + y * y)
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Return the camera in the mesh's coordinates. Its present axes x, y and z are the rows of `frame` (3, 3)."""
+        """Return the camera in mesh coordinates. The rows of `frame` (3, 3) are the present axes in the mesh."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
     def project(self, points: NDArray[np.floating[Any]], resolution: int) -> tuple[Float64, Float64]:
-        """Return the picture rows (N,) and columns (N,) of `points` (N, 3), in pixels; whole numbers are centers."""
+        """Return the rows (N,) and columns (N,) of `points` (N, 3) in the picture; whole numbers are pixel centers."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
         column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
@@ -75,7 +75,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
         index = np.arange(count) + 0.5
         return _sphere(1 - 2 * index / count, np.pi * (1 + np.sqrt(5)) * index)
     # Near the planes, directions of a Fibonacci spiral would be close to their mirror images. So a quarter of the
-    # directions is placed on a few meridians inside a quarter of the sphere.
+    # directions lies on a few meridians in one quarter of the sphere, and is mirrored into the other three quarters.
     index = np.arange(count // 4) + 0.5
     meridians = max(2, round(np.sqrt(len(index) / 2.5)))
     quarter = _sphere(1 - 2 * index / max(len(index), 1), np.pi / 2 * (index % meridians) / meridians)
@@ -135,11 +135,11 @@ def _place(
         [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
         for right, up, back in bases
     ]
-    reach = _largest_along(np.concatenate([*bounds, np.eye(3), -np.eye(3)]), points)
-    clearance = CLEARANCE * float((reach[-6:-3] + reach[-3:]).max()) / 2
-    reach = reach[:-6].reshape(-1, 5)
+    largest = _largest_along(np.concatenate([*bounds, np.eye(3), -np.eye(3)]), points)
+    clearance = CLEARANCE * float((largest[-6:-3] + largest[-3:]).max()) / 2
+    largest = largest[:-6].reshape(-1, 5)
     cameras = []
-    for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, reach, strict=True):
+    for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, largest, strict=True):
         distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + clearance)
         position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
         cameras.append(Camera(position, right, up, back, field_of_view))
@@ -157,7 +157,7 @@ def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float
 
 
 def _basis(direction: Float64, flipped: bool) -> tuple[Float64, Float64, Float64]:
-    """Return right, up and back of an upright camera; back is `direction` (3,). If it is ±y, up is ∓z."""
+    """Return right, up and back of an upright camera; back is `direction` (3,). If `direction` is ±y, up is ∓z."""
     upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
     right = np.cross(upright, direction)
     right /= np.linalg.norm(right)

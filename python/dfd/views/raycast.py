@@ -18,7 +18,7 @@ class Hits:
     """The first intersection of each ray that hits the surface."""
 
     ray: Int64  # (K,) indices of the rays, ascending
-    face: Int32  # (K,) the face that the ray hits
+    face: Int32  # (K,) indices of the faces that the rays hit
     barycentric: Float32  # (K, 3) weights of the face's corners, at least 0 and with sum 1
     distance: Float32  # (K,) distance from the origin to the hit, divided by the length of the ray's direction vector
 

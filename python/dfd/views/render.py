@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Supervision = Literal["barycentric", "vertex"]
 
 LARGEST_RESOLUTION = 4096
-LARGEST_VIEWS = 32767  # `Views.view` has 16 bits
+LARGEST_VIEWS = 32767  # because `Views.view` stores 16-bit integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Views:
     # The normalization maps the center of the bounding box to the origin, and the box's longest side to [−1, 1].
     center: Float64
     scale: float
-    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) right, up and front in the mesh's axes
+    frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3) rows: the shape's right, up and front
     scene: Scene | None = None  # the search tree of `vertices` and `faces`, if it is kept
 
 
@@ -63,8 +63,8 @@ def render(
 ) -> Views:
     """Return pictures of `mesh` from all directions.
 
-    A ray passes through the center of each pixel. If it first hits a triangle T at barycentric coordinates B, the pixel
-    shows the surface point P = B·T.
+    A ray passes through the center of each pixel. If its first hit on a surface that is at least half opaque is on a
+    triangle T, at barycentric coordinates B, the pixel shows the surface point P = B·T.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def render(
         Which points the result has: "barycentric" for the surface points of all pixels that show the shape, "vertex"
         for the visible vertices.
     frame
-        (3, 3) matrix whose rows are right, up and front of the shape in the mesh's coordinates; None takes its axes.
+        (3, 3) matrix whose rows are right, up and front of the shape, in mesh coordinates; None takes the mesh's axes.
 
     Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
     """
@@ -107,7 +107,7 @@ def render(
         cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
-        hit = np.zeros(views, bool)  # whether any ray of each picture hits the surface
+        hit = np.zeros(views, bool)  # for each picture, whether any ray hits the surface
 
         def take(index: int) -> tuple[Float32, Float32, Float32, Int32]:  # points, rows, columns and faces
             images[index], hits = shading.picture(cameras[index], resolution)
@@ -142,7 +142,7 @@ def render(
 
 
 def used_vertices(vertices: Float32, faces: Int32) -> Float32:
-    """Return those of `vertices` (V, 3) that are corners of faces, (N, 3)."""
+    """Return the rows (N, 3) of `vertices` (V, 3) that are corners of faces."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]

@@ -98,7 +98,7 @@ def facing(
 ) -> Float32:
     """Return |n · d| (K,) of each hit, for the normal n and the ray's direction d: 0 if the ray grazes the surface.
 
-    The normal is interpolated from the corners. If their normals nearly cancel, it is the normal of the face.
+    The normal n is interpolated from the corners' normals. If these nearly cancel, n is the normal of the face.
     """
     corners = faces.take(hits.face, axis=0)
     normal = blend(normals, corners, hits.barycentric)

@@ -68,7 +68,7 @@ def test_without_ray_it_says_what_to_install(shapes, monkeypatch):
 def test_more_than_ray_has_is_refused(shapes):
     result = shapes(*BATCH, "--step", "inspect", "--gpus", 1)
     assert result.exit_code == 2
-    assert result.stderr.endswith("`--threads` and `--gpus` must be at most what Ray has, 2 CPU, 0 GPU\n")
+    assert result.stderr.endswith("`--threads` and `--gpus` must not be above the resources of Ray: 2 CPU, 0 GPU\n")
 
 
 def test_an_edit_says_which_mesh_and_field_it_was_made_on(shapes):

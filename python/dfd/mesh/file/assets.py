@@ -63,7 +63,7 @@ class AssetFolder:
     def texels(self, data: bytes) -> UInt8:
         """Return an image file as RGBA (rows, columns, 4), with the first row on top. Equal files are decoded once.
 
-        The header of an image states its size. So an image above the limit is refused before it is decoded.
+        An image above the limit is refused before it is decoded, because its header states its size.
 
         Raises ValueError if the image cannot be decoded, or the images of the mesh file have more than `MOST_TEXELS`.
         """
@@ -120,7 +120,7 @@ def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
 def read_regular(path: Path) -> bytes:
     """Return the bytes of a regular file.
 
-    Raises OSError, without waiting for data, if `path` is a pipe or a device. Raises OSError if it cannot be read.
+    Raises OSError if `path` is a pipe or a device, without waiting for data. Raises OSError if the read fails.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")

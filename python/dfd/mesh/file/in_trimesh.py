@@ -61,7 +61,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
 
 
 def _is_default_material(material: Any) -> bool:
-    """Return whether trimesh made `material` for a mesh without one; it then has an image of 2 × 2 texels."""
+    """Return whether `material` is trimesh's substitute for a missing material: it has an image of 2 × 2 texels."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 

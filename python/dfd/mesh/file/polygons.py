@@ -10,15 +10,16 @@ import numpy as np
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64
 
-# A corner with edges a and b is reflex if n · (a × b) < −2 · _REFLEX · area, where n is the polygon's unit normal.
+# A corner between the edges a and b of a polygon is reflex if n · (a × b) < −2 · _REFLEX · A. Here, n is the polygon's
+# unit normal, and A is its area.
 _REFLEX = 1e-6
 
 
 def long_faces(path: Path, sizes: Int64, lines: Int64 | None = None) -> Bool:
     """Return a mask (P,) of the faces with at least three corners, and warn if other faces are left out.
 
-    `sizes` (P,) holds the number of corners of each face. The warning gives the index of the first face that is left
-    out, or its line in the file, if `lines` (P,) holds the line index of each face.
+    `sizes` (P,) holds the number of corners of each face, and `lines` (P,), if given, its line index in the file. The
+    warning gives the line of the first face that is left out; without `lines`, it gives the index of this face.
     """
     long: Bool = sizes >= 3
     if not long.all():

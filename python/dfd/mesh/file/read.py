@@ -21,7 +21,7 @@ ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
 def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
-    """Return the scene of a file, in the bind pose unless `at_rest` is True. Raises the errors of `dfd.load`."""
+    """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`."""
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in ENDINGS:

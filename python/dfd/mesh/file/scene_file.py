@@ -25,7 +25,7 @@ class FileSource:
 
     path: Path
     data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
-    numbers: Int64 | None = None  # (R,) vertex in the file for each row of the scene; None for STL files
+    numbers: Int64 | None = None  # (R,) the file's vertex for each row of `SceneFile`; None for STL files
     corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
 
 
@@ -100,7 +100,7 @@ class SceneFile:
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
-    """Return the appearance of all faces, or None without colors. `vertex` (R,) is the mesh vertex of each row."""
+    """Return the appearance of all faces; None if all are default gray. `vertex` (R,): mesh vertex of each row."""
     numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by material id and whether the surface has colors
     known: list[Material] = []
     of_primitive: list[int] = []
@@ -122,7 +122,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
-    if colors is not None and by_corner:  # each corner gets its own row, because faces share rows
+    if colors is not None and by_corner:  # each corner gets its own row: faces of different colors can share rows
         rows = corner_faces.ravel()
         vertex, colors, uv = vertex[rows], colors[rows], None if uv is None else uv[rows]
         corner_faces = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)

@@ -30,7 +30,8 @@ def write(
 ) -> Float64:
     """Write a mesh with its vertices at `vertices` (V, 3). A mesh from a file keeps the other content of its `scene`.
 
-    Return the distances (N,) by which rounding to 32-bit floats moves vertices. Raises the errors of `Mesh.save`.
+    Return the distances (N,) by which rounding to 32-bit floats moves vertices. Only STL files, and moved glTF meshes
+    with a skin or morph targets, give such distances; N is 0 for all other files. Raises the errors of `Mesh.save`.
     """
     target = Path(path)
     ending = check.ending("Mesh.save", "path", target, ENDINGS)
@@ -112,7 +113,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 def _rewrite(
     target: Path, source: FileSource, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]
 ) -> tuple[dict[str, bytes], Float64]:
-    """Return the contents of the rewritten files by name, and the distances by which an STL file rounds vertices."""
+    """Return the contents of the rewritten files by name, and the distances by which a binary STL file rounds."""
     data, lost, ending = source.data.tobytes(), np.zeros(0), source.path.suffix.lower()
     normals = np.concatenate(
         [np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals for each in moved]
@@ -134,7 +135,7 @@ def _rewrite(
 def _encode_ply(
     vertices: Float64, faces: Int32, look: Appearance | None, scene: SceneFile | None, moved: Sequence[Primitive]
 ) -> bytes:
-    """Return a PLY file; primitives are merged, and textures, which PLY cannot store, become vertex colors."""
+    """Return a PLY file. Several primitives are merged. Textures, which PLY cannot store, become vertex colors."""
     if scene is not None and len(moved) == 1:
         first, geometry = moved[0], moved[0].geometry
         material = geometry.material or Material(is_default=True)
@@ -195,7 +196,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     stale = np.zeros(len(first), bool)
     stale[faces[changed[scene.faces].any(axis=1)]] = True
     new = _normal_sums(vertices, scene, faces, len(first))
-    # In some files and under mirroring transforms, faces are wound inward. New normals stay on the old normals' side.
+    # If the winding of faces contradicts the old normals, as under mirroring transforms, new normals are flipped.
     inward = np.einsum("ij,ij->i", _normal_sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0

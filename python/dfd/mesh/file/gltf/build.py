@@ -31,7 +31,7 @@ class GltfBuilder:
     def __init__(self, header: Header) -> None:
         self.header = header
         self._data = bytearray()
-        self._left: list[Header] = []  # buffers that cannot be read; the file keeps references to them
+        self._unread: list[Header] = []  # header entries of buffers that cannot be read; the new file keeps them
 
     def accessor(
         self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False, normalized: bool = False
@@ -65,7 +65,7 @@ class GltfBuilder:
     def encode(self, *, binary: bool) -> bytes:
         """Return the file, as GLB or as glTF with embedded data."""
         buffer: Header = {"byteLength": len(self._data)}
-        self.header["buffers"] = [buffer, *self._left]
+        self.header["buffers"] = [buffer, *self._unread]
         if not binary:
             buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(self._data).decode()}"
         text = json.dumps(self.header, separators=(",", ":")).encode()

@@ -22,7 +22,7 @@ from dfd.mesh.file.gltf.header import (
 )
 
 _MOST_DECOMPRESSED = 64  # largest number of decompressed bytes per compressed byte, in all buffer views together
-_SMALL = 2**26  # bytes; this ratio is checked only above this decompressed size
+_SMALL = 2**26  # bytes; the ratio `_MOST_DECOMPRESSED` is checked only above this decompressed size
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
 _ALIGNMENT = 4  # bytes; programs may pad data to a multiple of this length
 _UNSIGNED = (5121, 5123, 5125)  # component types of unsigned integers with 8, 16 and 32 bits
@@ -49,7 +49,7 @@ class GltfData:
             if uri is not None:
                 data = self._linked(uri)
                 # Saving copies the data into the new file, so a malicious glTF file could leak any file that it
-                # references. So a file without a usual ending must have the length that the header states.
+                # references. Therefore, the header must state the true length of a file without a usual ending.
                 usual = uri.startswith("data:") or uri.lower().endswith(_DATA_ENDINGS)
                 if not usual and not 0 <= len(data) - length < _ALIGNMENT:
                     raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")

@@ -34,12 +34,12 @@ _COLLECTIONS = (
     *("samplers", "scenes", "skins", "textures"),
 )
 _LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
-_MOST_ZEROS = 2**20  # largest number of items of an accessor without data, unless an accessor with data has more
+_MOST_ZEROS = 2**20  # an accessor without data may have this many items, or as many as the longest accessor with data
 _DEEPEST = 1000  # largest nesting depth of nodes
 _DEEPEST_JSON = 200  # largest nesting depth of JSON values
-# Largest ratio of the total length of all buffer views to that of all buffers, and of all accessors to all views.
+# Buffer views may have up to this many times the total length of the buffers, and accessors that of the buffer views.
 _MOST_OVERLAP = 8
-_SMALL = 2**24  # bytes; the ratio is checked only above this total length
+_SMALL = 2**24  # bytes; `_MOST_OVERLAP` is checked only above this total length
 
 
 def read(data: bytes) -> tuple[Header, bytes | None]:

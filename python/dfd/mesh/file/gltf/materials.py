@@ -74,7 +74,7 @@ def _texture(data: GltfData, reference: Any, name: str) -> tuple[UInt8 | None, t
 
 
 def _coordinates(reference: Any) -> tuple[int, Float64 | None]:
-    """Return the n of a texture's TEXCOORD_n, and its KHR_texture_transform, as a matrix (2, 3) or None."""
+    """Return n of the attribute TEXCOORD_n of a texture, and its KHR_texture_transform: a matrix (2, 3) or None."""
     if not isinstance(reference, dict):
         return 0, None
     number = reference.get("texCoord", 0)

@@ -57,7 +57,7 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
 
 
 def keeps_origin(source: GltfData, each: Primitive) -> bool:
-    """Return whether the node of a primitive has a skin or morph targets, so that the origin of vertices must stay."""
+    """Return whether positions must keep their origin, because the primitive's node has a skin or morph targets."""
     node, mesh, _ = each.source
     primitives = source.header["meshes"][mesh]["primitives"]
     return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)
@@ -81,8 +81,8 @@ class GltfPatch(GltfBuilder):
             try:
                 moved_to[index] = (0, self._append(self.source.buffer(index)))
             except (ValueError, OSError):  # a placeholder for decompressed data, or an unreadable file
-                self._left.append(buffer)
-                moved_to[index] = (len(self._left), 0)
+                self._unread.append(buffer)
+                moved_to[index] = (len(self._unread), 0)
         for view in self.header.get("bufferViews", []):
             for owner in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
                 owner["buffer"], start = moved_to[int(owner["buffer"])]
@@ -123,7 +123,7 @@ class GltfPatch(GltfBuilder):
         """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
-        attributes.pop("TANGENT", None)  # they would be wrong on the moved surface; viewers compute missing tangents
+        attributes.pop("TANGENT", None)  # old tangents would be wrong after the move; viewers compute missing ones
         geometry = each.geometry
         positions = [geometry.vertices, each.vertices, geometry.stored]
         if origin is not None:
@@ -133,10 +133,7 @@ class GltfPatch(GltfBuilder):
             self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
 
     def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
-        """Decompress a primitive's Draco stream into plain accessors.
-
-        With `moving`, positions and normals are left out, because the stream holds the old ones.
-        """
+        """Decompress a primitive's Draco stream to plain accessors; if `moving`, omit the old positions and normals."""
         packed = self.source.draco(primitive)
         if packed is None:
             return
@@ -183,7 +180,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Record the rows in which `old` and `new` differ. Morph targets move the positions `stored` to `old`."""
+        """Collect the rows of `new` that differ from `old`. Morph targets move the file's values `stored` to `old`."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

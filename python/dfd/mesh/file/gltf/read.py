@@ -22,7 +22,7 @@ from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, 
 from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
-_SEAM = 1e-4  # widest seam that is closed, as a fraction of the bounding box's longest side; rounding opens seams
+_SEAM = 1e-4  # widest gap at a seam that is closed, as a fraction of the bounding box's longest side
 
 
 def parse(data: bytes, assets: AssetFolder) -> GltfData:
@@ -73,7 +73,7 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
 def _skinned(
     primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: Float64
 ) -> dict[int, Float64]:
-    """Return the transforms (rows, 4, 4) of those of a node's primitives that have skin weights, by primitive index."""
+    """Return, by primitive index, the vertex transforms (rows, 4, 4) of each primitive that has skin weights."""
     found = {}
     for number, _, geometry in primitives:
         transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
@@ -186,7 +186,7 @@ def world_transforms(header: Header) -> dict[int, Float64]:
 
 
 def _local_transform(node: Header, index: int) -> Float64 | None:
-    """Return the transform (4, 4) from a node to its parent, from its matrix or its T · R · S; None if it has none."""
+    """Return the transform (4, 4) from a node to its parent: the node's matrix or T · R · S, or None without them."""
     if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
         return None
 

@@ -23,8 +23,8 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", "
 def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
     """Return the contents of the OBJ file `target`, with moved vertices, and of its material files, by file name.
 
-    `vertices` (V, 3) that have not moved keep their text. `normals` (R, 3) belong to the vertices of the primitives;
-    NaN stands for a missing normal. Materials are copied only if `target` is in another folder than the source file.
+    Only `vertices` (V, 3) that have moved get new text. `normals` (R, 3) has a row for each vertex of each primitive,
+    NaN for a missing normal. Materials are copied only if `target` is in another folder than the source file.
     """
     assert source.corner_rows is not None
     text = parse(source.data.tobytes())
@@ -92,7 +92,7 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     number = text.corners[corners, 2]
     distinct, value = weld(own)
     pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
-    # A `vn` line gets the first of the new directions of its corners. All other directions get new lines.
+    # Corners of one `vn` line can get several directions. One direction replaces the line, the others get new lines.
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
@@ -102,7 +102,7 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
     edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in rows_as_text(directions[~keeps]))])
-    # The new lines stand before the first face, so normals after this place get higher numbers.
+    # The new lines stand before the first face, so the indices of all normals after this place increase.
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()
     numbers[numbers >= before] += len(pairs) - int(keeps.sum())

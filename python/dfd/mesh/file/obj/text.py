@@ -176,14 +176,14 @@ def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     """Return the indices (C, 3) of the position, UV and normal of each face corner, from 0; −1 for none.
 
-    `counted` holds the line numbers of positions, UVs and normals, because a negative index counts back from its face.
+    `counted` holds the line numbers of positions, UVs and normals: a negative index counts back from the face's line.
     """
     places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
     slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
         raise _bad_face(faces, int(np.argmax(slashes > 2)), "has more than two slashes")
     plain = faces.text.replace(b"//", b"/0/")
-    if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
+    if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # corners such as `1/` and `1/2/`
         plain = re.sub(rb"/(?!\S)", b"/0", plain)
     numbers = _numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
     if numbers is None:

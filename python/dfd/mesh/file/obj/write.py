@@ -31,7 +31,7 @@ def encode_groups(
 ) -> bytes:
     """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` holds texture coordinates (R, 2), with v pointing up, and the index of each face corner in them, (F, 3).
+    `uv` holds texture coordinates (R, 2), with v pointing up, and for each face corner an index of them, (F, 3).
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -47,7 +47,7 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
     """
     companions = Companions(target)
     library = _MaterialLibrary(target.stem, companions)
-    several = any(library.add(each.geometry.material) for each in scene.primitives)
+    has_materials = any(library.add(each.geometry.material) for each in scene.primitives)
     body: list[bytes] = []
     uv_count = normal_count = 0
     part = None
@@ -67,7 +67,7 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
             columns[2] = local + normal_count
             normal_count += len(each.normals)
         used = library.add(each.geometry.material)
-        if used is None and several:  # a primitive without a material would inherit the previous material
+        if used is None and has_materials:  # without `usemtl`, the material of the previous primitive would apply
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
@@ -115,7 +115,7 @@ class Companions:
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return those names of an old OBJ file's MTL files and textures that begin with the stem of the file `target`."""
+    """Return the MTL files and textures that the old OBJ file at `target` uses, if their names begin with its stem."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:

@@ -131,7 +131,7 @@ def rewrite_stl(data: bytes, corners: Float64) -> bytes:
         moved["normal"][changed] = _turned(binary["normal"], old, corners.reshape(-1, 3, 3))[changed]
         return data[:_STL_HEADER] + moved.tobytes()
     places, turns = list(_STL_VERTEX.finditer(data)), list(_STL_NORMAL.finditer(data))
-    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # for example, a solid's name has a keyword
+    if len(places) != len(corners) or 3 * len(turns) != len(corners):  # e.g. if a solid's name contains a keyword
         return encode_stl(corners)
     old = np.array([each.groups() for each in places], np.float64)
     normals = np.array([each.groups() for each in turns], np.float64)

@@ -84,7 +84,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     normals, colors, face_colors = _columns(vertex, ("nx", "ny", "nz")), _colors(vertex), _colors(face)
     if face_colors is not None and len(face_colors) == len(face_sizes):
         face_colors = np.repeat(face_colors, np.maximum(face_sizes - 2, 0), axis=0)
-    if face_colors is not None and len(face_colors) != len(faces):  # there are triangle strips, which have no colors
+    if face_colors is not None and len(face_colors) != len(faces):  # triangle strips of the file have no colors
         face_colors = None
     geometry = Geometry(
         positions[numbers],
