@@ -142,7 +142,7 @@ class EditSource(BaseModel):
 def find_files(edit: Path, made_on: Path | None = None) -> EditSource:
     """Find the mesh and the field on which an edit was made. `made_on` replaces the mesh that the edit names.
 
-    If the edit names this mesh and a field that is unchanged, that field is returned. Otherwise, it is the file
+    If the edit names this mesh and an unchanged field, this field is used. Otherwise, the field is the file
     `field_path(mesh)`.
 
     Raises ValueError if `edit` is no edit, or no mesh is known. Raises OSError if a file is missing or unreadable.

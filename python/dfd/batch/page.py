@@ -1,4 +1,4 @@
-"""Write the web page of a batch, which shows every shape with its pictures, failed shapes first."""
+"""Write the web page of a batch. The page shows all shapes with their pictures; failed shapes come first."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -55,7 +55,7 @@ def write_record(root: Path, record: Record) -> None:
 
 
 def read_record(root: Path, shape: Shape) -> Record | None:
-    """Return the record of a shape; None if there is no record for the present content of the mesh file."""
+    """Return the record of a shape; None if the record is missing or belongs to another version of the mesh file."""
     try:
         record = Record(**json.loads((shape_folder(root, shape.name) / "record.json").read_text("utf-8")))
     except (OSError, ValueError, TypeError):

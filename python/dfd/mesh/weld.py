@@ -9,10 +9,10 @@ from dfd.common.linear_algebra import Float64, Int32, Int64
 
 
 def weld(positions: Float64) -> tuple[Int64, Int32]:
-    """Return the index (V,) of the first row of each vertex, and the vertex (N,) of each row of `positions` (N, 3).
+    """Make each distinct position a vertex. Return each vertex's first row (V,), and each row's vertex (N,).
 
-    Each distinct position is a vertex. Vertices have the order of their first rows. Positions must be finite. Positions
-    with equal bits are equal, and -0.0 equals 0.0. There is no tolerance.
+    `positions` (N, 3) must be finite. Vertices have the order of their first rows. Positions with equal bits are equal,
+    and -0.0 equals 0.0. There is no tolerance.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     key = np.zeros(len(rows), np.uint64)  # a hash of the bits of each row

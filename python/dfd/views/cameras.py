@@ -49,7 +49,7 @@ class Camera:
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Return the camera in mesh coordinates. The rows of `frame` (3, 3) are the present axes in the mesh."""
+        """Return the camera in mesh coordinates. The rows of `frame` (3, 3) are the axes of its present coordinates."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
@@ -130,7 +130,7 @@ def _place(
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
     # In coordinates x, y, z along right, up and back, a camera at (c_x, c_y, d) sees a point q if
     # |q_x − c_x| ≤ slope (d − q_z), and likewise for y. These bounds are linear in q, so one matrix product gives their
-    # extremes for all cameras. The fifth row of each camera gives the point nearest to the eye.
+    # extremes for all cameras. The fifth row of each camera gives the largest q_z, at the point nearest to the eye.
     bounds = [
         [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
         for right, up, back in bases

@@ -100,7 +100,7 @@ class SceneFile:
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:
-    """Return the appearance of all faces; None if all are default gray. `vertex` (R,): mesh vertex of each row."""
+    """Return the appearance of all faces; None if all are default gray. `vertex` (R,) is each row's mesh vertex."""
     numbers: dict[tuple[int, bool], int] = {}  # index in `known`, by material id and whether the surface has colors
     known: list[Material] = []
     of_primitive: list[int] = []

@@ -32,7 +32,7 @@ class GltfData:
     """The JSON header of a glTF file, and its data. Methods raise ValueError or OSError if data cannot be read."""
 
     def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
-        """Keep the header, the binary chunk of a GLB file, and access to external files."""
+        """Store the header, the data chunk of a GLB file, and the folder from which external files are read."""
         self.header = header
         self._embedded = embedded
         self.assets = assets

@@ -37,7 +37,7 @@ _LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
 _MOST_ZEROS = 2**20  # an accessor without data may have this many items, or as many as the longest accessor with data
 _DEEPEST = 1000  # largest nesting depth of nodes
 _DEEPEST_JSON = 200  # largest nesting depth of JSON values
-# Buffer views may have up to this many times the total length of the buffers, and accessors that of the buffer views.
+# In total, buffer views may be this many times as long as buffers, and accessors this many times as long as views.
 _MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; `_MOST_OVERLAP` is checked only above this total length
 

@@ -279,7 +279,7 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
     """Return `transforms` (rows, 4, 4), made equal at vertices of one position if they differ only by rounding.
 
-    Exporters round the weights of each vertex separately. With unequal transforms, seams of texture or normals open.
+    Exporters round the weights of each vertex separately. Unequal transforms would open seams of texture or normals.
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:

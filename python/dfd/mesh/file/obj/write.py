@@ -31,7 +31,7 @@ def encode_groups(
 ) -> bytes:
     """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
 
-    `uv` holds texture coordinates (R, 2), with v pointing up, and for each face corner an index of them, (F, 3).
+    `uv` holds texture coordinates (R, 2), with v pointing up, and the index (F, 3) of each face corner's coordinates.
     """
     text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
     for name, own in groups:
@@ -115,7 +115,7 @@ class Companions:
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return the MTL files and textures that the old OBJ file at `target` uses, if their names begin with its stem."""
+    """Return the names of an old OBJ file's MTL files and textures, if they begin with the stem of `target`."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:

@@ -42,7 +42,7 @@ class _Property:
     counts: np.dtype[Any] | None  # type of a list's length, which precedes the list in the body; None if it is no list
     values: NDArray[Any] = field(default_factory=lambda: np.zeros(0))  # values of all rows, one row after the other
     sizes: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) number of values of each row
-    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte of each row's values
+    places: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # (rows,) first byte in the body
 
 
 _Element = dict[str, _Property]
