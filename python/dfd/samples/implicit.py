@@ -39,7 +39,7 @@ class Shape:
         return result
 
     def project(self, points: Points, step: float, times: int) -> Points:
-        """Move copies of `points` (N, 3) to the surface in `times` steps of at most `step`. Points keep x = 0."""
+        """Move copies of `points` (N, 3) to the surface in `times` steps of at most `step`. If x is 0, x stays 0."""
         moved = points.copy()
         for _ in range(times):
             distance = self.distance(moved)
