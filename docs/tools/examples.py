@@ -38,7 +38,7 @@ STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)  # draws a variable that a later code block defines
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # the options of `picture` that draw marks
-TOLERANCE = 1e-4  # positions count as equal up to this fraction of the diagonal, because files store 32-bit floats
+TOLERANCE = 1e-4  # positions count as equal up to this fraction of the box's diagonal, because files store float32
 MARGIN = 6  # pixels around the shapes in a row of pictures
 SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
 
@@ -75,7 +75,7 @@ def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 class _Page:
-    """Runs the code of one page, and replaces the lines for output and pictures."""
+    """Runs the code of one page, and replaces the lines `<!-- output -->` and `<!-- draw NAME -->`."""
 
     def __init__(self, name: str) -> None:
         self.name, self.namespace = name, {"__name__": name}
@@ -106,7 +106,7 @@ class _Page:
         return step[0]
 
     def _command(self, line: str) -> str:
-        """Run a line of an `sh` code block if it is a command of dfd, and return its output."""
+        """Run `line` of an `sh` code block if it begins with `dfd`, and return the output of the command."""
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
@@ -139,7 +139,7 @@ class _Page:
 
 
 def _cells(value: Any) -> list[Cell]:
-    """Return captioned pictures. A session gives its three stages. Each session in a dict gives weights and result."""
+    """Return captions with pictures. A session gives its stages. A session in a dict gives weights and result."""
     if isinstance(value, dfd.Deformer):
         stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
         return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
@@ -158,7 +158,7 @@ def _cells(value: Any) -> list[Cell]:
 
 
 def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dict[str, Any]]:
-    """Return the options of `picture` for each stage of a session, with one camera for all `sessions`."""
+    """Return the options of `picture` for each stage of `session`, with a camera that fits all `sessions`."""
     mesh = sessions[0].mesh
     places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
     # The camera faces the handles, but stays within 45° of the front, where viewers recognize a shape.
