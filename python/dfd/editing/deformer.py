@@ -137,7 +137,7 @@ class Deformer(History):
         ----------
         at
             The place: a vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or a
-            region of `dfd.editing.influence.regions` makes all of these vertices the handle. A text is "part@1,2,3"
+            region of `dfd.editing.influence.regions` makes all of its vertices the handle. A text is "part@1,2,3"
             (the part at this point), "piece@812" (the part at vertex 812 without its counterparts), or one of the texts
             of `dfd.editing.points.find`.
         translation
@@ -195,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The further a translation, rotation or scale moves the border across the limb, the wider is the band.
+        The farther a motion shifts the border sideways, and not to or from the part's middle, the wider is the band.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -327,13 +327,13 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry. Vertices on the other side of it follow a handle's mirrored transform (Eq. 8).
+        """Set the plane of symmetry. Vertices on its other side follow a handle's mirrored transform (Eq. 8).
 
         Parameters
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the plane whose sides look alike.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the one with the most similar sides.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane
@@ -381,12 +381,12 @@ class Deformer(History):
 
     @property
     def weights(self) -> Float32:
-        """Return the weights (V, H) of `handles` by features (Eq. 4 to 7), read-only, for all counterparts together."""
+        """Return the weights (V, H) of Eq. 4 to 7, read-only: one column per handle, for all counterparts."""
         return self.bound.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
-        """Return the weights (V, H) with which vertices follow handles: sums over the counterparts that move."""
+        """Return the weights (V, H) of handles, in which each column is a sum over the counterparts that move."""
         return self.bound.following(self.edit)
 
     @property
@@ -430,13 +430,11 @@ class Deformer(History):
     ) -> Deformer:
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. The
-        positions and lengths of such an edit do not change. To transfer an edit by features, use `dfd.editing.transfer`
-        instead.
+        If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. If the
+        file also describes another mesh, this causes a warning. `other_shape` accepts an edit or a field of another
+        shape, and keeps all positions and lengths. To transfer an edit by features, use `dfd.editing.transfer`.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
-        The message names the key in the file and its value.
         """
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))

@@ -75,7 +75,7 @@ class FeatureWeights:
         return self._columns.T, tuple(keys)
 
     def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
-        """Return the weight that fixed points subtract at each vertex, (V,): max_p s_p W_ip of Eq. 6."""
+        """Return the weight that fixed points p of strength s_p subtract at each vertex i, (V,): max_p s_p W_ip."""
 
         def find() -> Float32:
             most = np.zeros(len(self._mesh.vertices), np.float32)
@@ -190,7 +190,7 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # `bind` uses only some vertices of a region. Here, each vertex of the region gets the weight of its own handle.
+        # `bind` uses only some vertices of a region. Here, each vertex gets the weight of a handle at this vertex.
         if place.region is not None:
             own = self._rows.members(place.region)
             free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)
