@@ -47,7 +47,7 @@ def open_field(
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh. If `edit` is a file, the session begins with this edit. `how` is for `open_field`."""
+    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`."""
     from dfd import Deformer, load
 
     with stages.stage("read"):

@@ -21,7 +21,7 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_PERPENDICULAR = 0.1  # smallest component, perpendicular to up, of a right vector that can be used
+LEAST_PERPENDICULAR = 0.1  # a right vector is used if its component perpendicular to up has at least this length
 LEAST_EXTENT = 1e-6  # an extent along a direction counts as 0 up to this fraction of the bounding box's longest side
 
 

@@ -87,7 +87,7 @@ class ProbeCameras:
 def _halves(tokens: Float32, covered: Bool) -> Float32:
     """Return the mean of a picture's tokens, and the mean of its right half minus that of its left half, (2, D).
 
-    `tokens` are (h, w, D). `covered` (R, R) is True for pixels on the shape. Patches with few of them are left out.
+    `tokens` are (h, w, D). `covered` (R, R) is True for pixels on the shape. Patches with few such pixels are left out.
     """
     side = len(tokens)
     within = len(covered) // side
