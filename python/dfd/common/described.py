@@ -1,6 +1,6 @@
 """Describe the fields of frozen dataclasses: their meaning, their bounds, and their type in files.
 
-The dataclass checks its values by these descriptions. pydantic reads, writes and documents files by them. The command
+`check_fields` checks values by these descriptions. pydantic reads, writes and documents files by them. The command
 line creates its options from them. Importing this module does not import pydantic.
 """
 

@@ -34,10 +34,10 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3), from that of the box."""
+    """Return the share (H,) of the area that each handle moves, and the center (H, 3) of this surface."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))
     total = held.sum(axis=0)
     center = held.T @ (mesh.vertices - mesh.bounds.mean(axis=0)) / np.maximum(total, 1e-300)[:, None]
-    return total / max(area.sum(), 1e-300), center / max(mesh.diagonal, 1e-300)
+    return total / max(area.sum(), 1e-300), center / max(mesh.diagonal, 1e-300)  # from the box center, in diagonals

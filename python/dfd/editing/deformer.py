@@ -36,8 +36,8 @@ from dfd.weights.compact import CompactFeatures
 class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
-    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. A new
-    handle needs only its own weights. With a linear blend, most frames of a drag skip the handles that do not move.
+    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. For a
+    new handle, only its weights are computed. With a linear blend, most frames of a drag skip handles that do not move.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -53,8 +53,8 @@ class Deformer(History):
         The defaults of the session and its handles (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
         and Eq. 4 to 8 exactly. Settings of a handle or of the session override the preset.
     features
-        (V, D) features of the vertices, or their compact form from `dfd.compact`. The session then evaluates the field
-        only at handles and fixed points that are points in space. If left out, the session evaluates the field when it
+        (V, D) features of the vertices, or their compact form from `dfd.compact`. With them, the session evaluates the
+        field only at handles and fixed points that are points in space. Without them, it evaluates the field when it
         first needs features. With the preset "default", it compacts the features of a mesh with more than 16,384
         vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
@@ -273,7 +273,7 @@ class Deformer(History):
             self._adapt_to(preset)
 
     def _adapt_to(self, preset: Preset) -> None:
-        """With the preset "paper", use full features, and warn if the field was distilled with other settings."""
+        """With the preset "paper", use features that are not compact, and warn if the field has other settings."""
         from dfd.distillation.settings import DistillSettings
 
         if preset == "paper":

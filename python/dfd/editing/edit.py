@@ -33,7 +33,7 @@ MOST_LINEAR = 30.0  # largest rotation, in degrees, that is blended linearly; at
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """A place on the shape, its transform, and the controls of its weights.
+    """A handle: its place on the shape, its transform, and the controls of its weights.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the values of `transform` give no finite matrix.
     """

@@ -39,9 +39,9 @@
       "default": null
     }
 
-Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All
-other keys of these three have defaults, some of which depend on `preset` (`dfd.editing.presets`). Unknown keys,
-repeated keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
+Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. Other
+keys at the top, in handles and in fixed points have defaults, some of which depend on `preset` (`dfd.editing.presets`).
+Unknown keys, repeated keys and numbers that are not finite raise an error, so a misspelt key never becomes a default.
 
 `vertex` is used if it lies at `position`, or if there is no `position` and `mesh` does not describe another mesh. If
 the vertex lies elsewhere, as on another resolution, `position` is used, as a point in space. The keys of a handle's

@@ -81,7 +81,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     """Return the place that `at` names on a mesh.
 
     `at` is a vertex index, a point (3,) in mesh units on or off the surface, an array of vertex indices, a mask (V,)
-    of bool, a region, a text (see `find`), or a `Place`. The position of a vertex or a region is that on this mesh.
+    of bool, a region, a text (see `find`), or a `Place`. The vertex or region of a `Place` gives a position on `mesh`.
 
     Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if the distance of a
     point from the nearest vertex exceeds the diagonal of the bounding box.

@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    The key omits handles at rest if they move no vertex: without a default transform, with added linear displacements.
+    It omits handles at rest if they move no vertex: if displacements are added linearly, without a default transform.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

@@ -30,7 +30,7 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
-    # Probability in [0, 1] that the axis of `frame`'s up or a nearly parallel axis is upright; 1 for the source "said"
+    # Probability in [0, 1] that the up axis of `frame`, or one nearly parallel to it, is upright; 1 for "said"
     confidence: float = 0.0
     # "said": the user gave `up`, not "auto". "file": +y is the most probable, or nothing was measured (confidence 0).
     # "found": another direction is the most probable. "averaged": features of the two most probable ones are combined.

@@ -37,7 +37,7 @@ class Counterpart:
     """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
 
     vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
-    # position: (3,) in mesh units: the handle, the mirror image of the handle if `image` is given, or else `vertex`
+    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     weight: float = 1.0  # the handle's weight at `vertex`, by features alone
@@ -139,7 +139,7 @@ def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
     """Return `component` (N,), the index of the part's component at each mesh node, after two changes.
 
     A component joins a larger one if its center lies in the bounding box of the larger one and the mesh does not
-    connect the two. For example, a hub joins its tire. If the node of `vertex` has no component, the nearest gets it.
+    connect the two. For example, a hub joins its tire. If the node of `vertex` has no component, it joins the nearest.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)

@@ -129,7 +129,7 @@ class HandleWeights:
 
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
-        """Return the indices of the moving handles, among which components are divided; () for one or "paper"."""
+        """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 

@@ -33,7 +33,7 @@ class HeldPart:
     axis: PartAxis  # curve from the base of the component to its tip
     amount: float  # factor in [0, 1] by which the handle's bend and twist are multiplied
     # carry: (3, 3) maps the handle's rotation vectors to this component. The matrix rotates the axis of the component
-    # at the handle onto the axis of this component. If this component is a mirror image, it also mirrors the vectors.
+    # at the handle onto the axis of this component. For a mirror image, the matrix also mirrors the vectors.
     carry: Float64
     handedness: float  # 1, or −1 for a mirror image, which twists in the opposite direction
     sections: Sections  # the vertices of the component in the order along its axis
