@@ -33,7 +33,7 @@ def open_field(
     preset: Preset | None = None,
     progress: bool | Stages = True,
 ) -> Field:
-    """Load the field of `mesh` from the file `field`. If `field` is None, read the cache or distill the field.
+    """Load the field of `mesh` from the file `field`. If `field` is None, read it from the cache or distill it.
 
     With `force`, the file may contain the field of another shape. Raises the errors of `Field.load` and `dfd.distill`.
     """

@@ -24,7 +24,7 @@ FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
 HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
 HORN = {"at": "top", "rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "name": "horn"}
 BACK = {"at": "top", "scale": (1.0, 1.5, 1.0), "translation": (0.0, 0.12, 0.0), "name": "back"}
-# The edits of each sample: the title of the pictures, the name of the written files, and the handle.
+# For each sample, its edits: the title of a row of pictures, the name of the written files, and the handle.
 EDITS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
     "chair": (
         ("One foot of the chair is pulled down: all four legs grow", "chair_legs", FOOT),

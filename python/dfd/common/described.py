@@ -15,7 +15,7 @@ from dfd.common.errors import ArgumentError
 
 
 class Brief:
-    """Base class for dataclasses declared with `repr=False`; its `repr` omits fields with their default value."""
+    """Base class for dataclasses with `repr=False`. This `repr` omits fields that have their default values."""
 
     def __repr__(self) -> str:
         """Return the constructor call that creates an equal object."""

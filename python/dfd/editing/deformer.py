@@ -195,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The farther a motion shifts the border sideways, and not to or from the part's middle, the wider is the band.
+        The farther a motion shifts this border sideways, not towards the part's middle, the wider is the band.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -381,7 +381,7 @@ class Deformer(History):
 
     @property
     def weights(self) -> Float32:
-        """Return the weights (V, H) of Eq. 4 to 7, read-only: one column per handle, for all counterparts."""
+        """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
         return self.bound.by_features.of(self.edit)[0]
 
     @property

@@ -94,7 +94,7 @@ class Edit(Brief):
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: a file may also contain "x", "y" or "z": the plane perpendicular to it through the bounding box's center
+    # symmetry: files may have "x", "y" or "z", the plane perpendicular to this axis at the bounding box's center
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"

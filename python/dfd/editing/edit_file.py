@@ -392,7 +392,7 @@ PHRASES = {  # patterns in pydantic's messages, and the words that replace them
 def _reported(error: ValidationError) -> tuple[str, str]:
     """Return the key of the first error, and its reason in the words of this package."""
     errors = error.errors(include_url=False)
-    # pydantic gives one error for each type of a union. Report the longest path, preferring choices for a text.
+    # pydantic gives one error for each type of a union. Report the longest path; for a text, report choices.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),

@@ -27,7 +27,7 @@ class HandleReport:
     missing: float  # the distance between `target` and `landed`, mesh units
     arrived: bool  # whether `missing` is at most 0.1 % of the bounding-box diagonal, which is too small to see
     mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
-    counterparts: int  # number of counterparts with own pivots, without weak ones; 1 if all share one pivot
+    counterparts: int  # number of counterparts with pivots of their own, without weak ones; 1 if all share one pivot
     along_with: tuple[int, ...] = ()  # ids of handles that also move this handle, because their parts contain its part
 
     def __str__(self) -> str:

@@ -16,7 +16,7 @@ class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
     A `dfd.Drag` stores the sum over the handles that rest, so that only the moving handles are computed. It is used if
-    an edit changes only the transforms of at most half of the handles, and no width of a blend band (`Grips.band`).
+    an edit changes only the transforms of at most half of the handles, and keeps the blend bands (`Grips.band`).
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:

@@ -44,9 +44,9 @@ class SurfaceFeatures:
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
         """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
 
-        The dissimilarity is the mean feature distance of the best 80 % of moved samples and their images, divided by
-        the usual feature distance of samples that far apart. It is 0 for a perfect symmetry, and about 1 by chance. The
-        share counts the moved samples whose images lie on the surface. If few samples move, the result is (1, 0).
+        The dissimilarity is the mean feature distance of the best 80 % of moved samples from their images, divided by
+        the usual feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. The
+        share is that of moved samples whose images lie on the surface. If few samples move, the result is (1, 0).
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS

@@ -126,7 +126,7 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the direction for a result `up` of `check_up`; ValueError if `mesh` has no extent along the direction."""
+    """Return the direction for a result `up` of `check_up`. Raises ValueError if `mesh` has no extent along it."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)

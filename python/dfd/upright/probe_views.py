@@ -34,7 +34,7 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # camera directions: front, right, back and left; and between them
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # camera directions: front, right, back, left; then between them
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ class StabilityCues:
             [
                 float(stable),  # whether the middle of the surface lies above the base
                 float((self.normals @ up > FACES_UP).mean()),
-                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # base ÷ shadow area
+                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # ratio of both areas
                 float((points < height.min() + BASE * self.diagonal).mean()),
                 float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
                 mirrored,  # mirror error of the better vertical plane

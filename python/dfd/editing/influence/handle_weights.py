@@ -22,7 +22,7 @@ from dfd.mesh.mesh import Mesh
 
 COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-# `equalize` raises the weights of a counterpart only if two values at it are large enough: the handle's weight by
+# `equalize` raises the weights of a counterpart only if two of its values are large enough: the handle's weight by
 # features alone (LEAST_ALIKE), and the final weight before locality, divided by that at the handle (LEAST_EQUALIZED).
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
 

@@ -11,7 +11,7 @@ from dfd.geometry.topology import even_points, face_areas
 from dfd.symmetry.plane import SymmetryPlane
 
 SAMPLES = 1000  # number of surface samples of a component
-KEPT = 0.85  # fraction of the samples that a fit uses, those with the best matches: the ends of components can differ
+KEPT = 0.85  # a fit uses this fraction of the samples, those that match best, because the ends of components can differ
 ROUNDS = 12  # number of rounds; each round matches samples and fits the plane to the matches
 # A reflection is accepted if its misfit (see `_misfit`) is at most SHAPE_FIT for a plane of the whole shape, or at most
 # PAIR_FIT for a plane that was fitted to the two components.
