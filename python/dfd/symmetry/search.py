@@ -16,9 +16,9 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
-# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus FIT_LEAVES.
+# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus MARGIN.
 # For example, the front of a figure resembles the back, but its left and right sides are much more similar.
-WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
+WORSE_THAN_BEST, MARGIN = 3.0, 0.01
 ON_SURFACE = 0.5  # a plane is found only if at least this share of the moved samples have images on the surface
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets (normalized) differ
 # by less than _COPY_OFFSET, and its dissimilarity is more than _COPY_RATIO times that of the better plane.
@@ -69,7 +69,7 @@ def symmetry_planes(
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
-    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES) if planes else 0.0
+    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + MARGIN) if planes else 0.0
     return [plane for plane in planes if plane.relative_score <= most]
 
 

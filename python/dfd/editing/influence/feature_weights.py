@@ -18,7 +18,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
-# All weights of a handle are divided by the weight at the handle itself, if fixed points leave at least LEAST_LEFT.
+# If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
 LEAST_LEFT = 0.01
 # As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
 # handle and the vertices of the part, and at least LEAST_REACH.
