@@ -33,7 +33,7 @@ def open_field(
     preset: Preset | None = None,
     progress: bool | Stages = True,
 ) -> Field:
-    """Load the field of `mesh` from the file `field`. If `field` is None, read the cache or distill the field.
+    """Load the field of `mesh` from the file `field`. If `field` is None, read it from the cache or distill it.
 
     With `force`, the file may contain the field of another shape. Raises the errors of `Field.load` and `dfd.distill`.
     """
@@ -47,7 +47,7 @@ def open_field(
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh. If `edit` is a file, the session begins with this edit. `how` is for `open_field`."""
+    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`."""
     from dfd import Deformer, load
 
     with stages.stage("read"):

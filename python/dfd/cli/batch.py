@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dfd.batch.one_edit import EditSource
     from dfd.batch.record import Record
 
-SOME_FAILED = 1  # exit code
+SOME_FAILED = 1  # exit code if a shape failed
 
 
 def batch(
@@ -43,7 +43,7 @@ def batch(
         Option(
             metavar="MESH",
             help="The mesh on which each --edit was made. The mesh's folder must contain NAME.field.safetensors, the"
-            " mesh's field. By default, the files that the edits name.",
+            " mesh's field. By default, the files that each edit names are used.",
         ),
     ] = None,
     threshold: options.Threshold = None,

@@ -18,7 +18,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.posing.transforms import MOTIONS
 
 FOR_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
-NOTHING_MOVED = 1  # exit code
+NOTHING_MOVED = 1  # exit code if the edit moves nothing
 
 
 def deform(
@@ -121,7 +121,7 @@ def deform(
     shape = deformer.mesh
     hold(deformer, held, fix)
     if symmetry is not None:
-        plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # nx,ny,nz,offset
+        plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # the last comma becomes =
         deformer.set_symmetry(plane, **{name: value_of(value) for name, value in auto.items()})
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     FieldOf = Callable[[Path, Mesh], Field]  # returns the field for a file and its mesh
 
 CELL = 280  # width and height of a picture on the sheet, pixels
-PICTURES_IN_A_ROW, SHAPES_ON_A_SHEET = 6, 60  # with two pictures of each shape
-SOME_LEFT_OUT = 1  # exit code
+PICTURES_IN_A_ROW, SHAPES_ON_A_SHEET = 6, 60  # each shape has two pictures
+SOME_LEFT_OUT = 1  # exit code if a shape is left out
 
 
 def deform_many(
@@ -44,7 +44,7 @@ def deform_many(
 ) -> None:
     """Transfer the edit to every shape, and write the deformed shapes. Exit with code 1 if some shapes are left out.
 
-    `fields` is a folder of fields. `preset` applies to the edit and to new fields. `how` is for `open_field`.
+    `fields` is a folder of fields. `preset` applies to the edit and to new fields. `how` are arguments of `open_field`.
     """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
     _check(files, output, fields, sheet)
@@ -122,7 +122,7 @@ def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path
 
 
 def _original(edit: Path, files: Sequence[Path], made_on: Path | None, field_of: FieldOf) -> Original:
-    """Return the edit with its mesh: `made_on`, the one of `files` with the edit's hash, or the file in the edit."""
+    """Return the edit with its mesh: `made_on`, or the one of `files` with its mesh hash, or the mesh that it names."""
     import dfd
     from dfd.batch.one_edit import Original, find_files
 

@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     Picture = tuple[UInt8, str]
 
 ASIDE, BEHIND = 35.0, 215.0  # azimuths of the camera, degrees
-FACES = 20_000
+FACES = 20_000  # number of faces of each sample
 FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
 HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
 HORN = {"at": "top", "rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "name": "horn"}
 BACK = {"at": "top", "scale": (1.0, 1.5, 1.0), "translation": (0.0, 0.12, 0.0), "name": "back"}
-# The edits of each sample: the title of the pictures, the name of the written files, and the handle.
+# For each sample, its edits: the title of a row of pictures, the name of the written files, and the handle.
 EDITS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
     "chair": (
         ("One foot of the chair is pulled down: all four legs grow", "chair_legs", FOOT),
-        ("The top of its back is pulled up", "chair_back", BACK),
+        ("The top of the back is pulled up", "chair_back", BACK),
     ),
     "quadruped": (
         ("One hoof is pulled down: all four legs grow", "quadruped_legs", HOOF),
         ("One horn is rotated: all similar surface follows", "quadruped_horn", HORN),
-        ("The same with locality 6: only near surface follows", "quadruped_horn_local", {**HORN, "locality": 6.0}),
+        ("The same horn with locality 6: only near surface follows", "quadruped_horn_local", {**HORN, "locality": 6.0}),
     ),
 }
 

@@ -12,8 +12,8 @@ from typer.core import TyperGroup
 
 from dfd.common.errors import ArgumentError, one_line
 
-BAD_INPUT = 2
-INTERRUPTED = 130
+BAD_INPUT = 2  # exit code
+INTERRUPTED = 130  # exit code
 
 
 def say(text: str, *, result: bool = False) -> None:
@@ -76,11 +76,11 @@ class CommandGroup(TyperGroup):
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
 PATHS = {"load": "MESH", "Field.load": "--field"}  # the option that sets the argument `path` of a Python function
 CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages that begin with a function
-REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by remedies in Python
+REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by remedies for Python
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:
-    """Return the message `said` of a Python function with command-line options in place of its arguments."""
+    """Return the message `said` of a Python function with command-line options in place of Python arguments."""
     known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
 
     def option(name: str) -> str:

@@ -17,7 +17,7 @@ class HandlesCommand(TyperCommand):
     """A command that accepts several handles with their options. The value of an option may be several numbers."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Store the options of each handle, and parse all other options. Options before the first handle belong to it.
+        """Store the options of each handle, and parse all others. Options before the first `--handle` belong to it.
 
         Raises ValueError if an option of a handle has the wrong number of values.
         """
@@ -43,7 +43,7 @@ class HandlesCommand(TyperCommand):
 
 
 def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
-    """Return the text of the place of each handle on a command line, and the handle's arguments of `Deformer.add`.
+    """Return the place of each handle on a command line, as a text, and the other arguments of `Deformer.add`.
 
     Raises ValueError if an option of a handle is given without a handle, or a factor of `--scale` is 0.
     """
@@ -70,8 +70,8 @@ def value_of(value: Any) -> Any:
 
 
 def _value(flag: str, metavar: str, rest: list[str]) -> str:
-    """Remove the value of an option from the beginning of `rest`; several numbers become one text such as 1,2,3."""
-    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # a number's metavar is in upper case
+    """Remove the value of an option from the start of `rest`, and return it. Several numbers become 1,2,3."""
+    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # numbers are upper-case: X Y Z
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     if numbers not in counts and not is_text:

@@ -62,7 +62,7 @@ def inspect(
         made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
         lines.append(f"field: {field}, {opened.dimension} dimensions{made}")
         scores = [
-            f"{plane_text(each)} (score {each.score:.3f}, {each.relative_score:.0%} of random pairs)" for each in planes
+            f"{plane_text(each)} (score {each.score:.3f}, relative score {each.relative_score:.2f})" for each in planes
         ]
         lines.append(f"symmetry planes: {', '.join(scores) or 'none'}")
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)

@@ -48,7 +48,7 @@ Resolution = Annotated[int, Option(min=16, max=8192, help="Width and height of e
 
 
 def add_options(command: Callable[..., None], annotations: Mapping[str, Any], after: str) -> None:
-    """Replace the `**` keywords of `command` by `annotations` with the default None, after the parameter `after`."""
+    """Replace the `**` keywords of `command` by options with these `annotations`, after the parameter `after`."""
     own = [each for each in signature(command, eval_str=True).parameters.values() if each.kind is not each.VAR_KEYWORD]
     index = 1 + [each.name for each in own].index(after)
     own[index:index] = [

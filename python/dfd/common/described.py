@@ -1,6 +1,6 @@
 """Describe the fields of frozen dataclasses: their meaning, their bounds, and their type in files.
 
-The dataclass checks its values by these descriptions. pydantic reads, writes and documents files by them. The command
+`check_fields` checks values by these descriptions. pydantic reads, writes and documents files by them. The command
 line creates its options from them. Importing this module does not import pydantic.
 """
 
@@ -15,7 +15,7 @@ from dfd.common.errors import ArgumentError
 
 
 class Brief:
-    """Base class for dataclasses declared with `repr=False`; its `repr` omits fields with their default value."""
+    """Base class for dataclasses with `repr=False`. This `repr` omits fields that have their default values."""
 
     def __repr__(self) -> str:
         """Return the constructor call that creates an equal object."""
@@ -41,7 +41,7 @@ class About:
     option: str | None = None  # name of the command-line option, if it differs from the field's name
     # What a number measures. If an edit is transferred to another shape, lengths are scaled and positions are mapped.
     unit: Literal["length", "position", "angle"] | None = None
-    # "weights" if the field changes the handle's weights; "pose" if not, or only in the blend band at a part's border.
+    # "weights" if the field changes the handle's weights; "pose" if it changes none, or only those in the blend band.
     affects: Literal["weights", "pose"] = "weights"
     of_part: bool = False  # whether the field, such as bend, needs a handle's part; the default transform has no part
     label: str | None = None  # the field's name in panels of the app; None derives it from the field's name

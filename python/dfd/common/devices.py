@@ -1,4 +1,4 @@
-"""Choose the device and the threads on which torch computes, and detect its out-of-memory errors.
+"""Choose the device and the threads on which torch computes, and detect out-of-memory errors.
 
 torch splits each operation among its threads, which wait for each other at the end of the operation. Waiting threads
 spin and occupy cores that other programs need. For operations of a millisecond or less, this can make the work many

@@ -45,7 +45,7 @@ def called(function: str) -> Iterator[None]:
 
 
 def public(function: Function) -> Function:
-    """Return `function`, wrapped so that every `ArgumentError` that it raises begins with its name."""
+    """Return `function`, wrapped so that every `ArgumentError` that it raises names the function."""
     return called(function.__qualname__.removesuffix(".__init__"))(function)
 
 

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 _ABANDONED = 3600.0  # seconds without a change, after which a temporary file is deleted
-_LONGEST_ENDING = 32  # bytes; a temporary file has the ending of its target, unless the ending is longer
+_LONGEST_ENDING = 32  # bytes; a temporary file has the ending of its target, unless that ending is longer
 
 
 def cache_directory() -> Path:
     """Return the user's cache folder for `dfd`, which need not exist yet.
 
     The environment variable DFD_CACHE sets this folder. Without DFD_CACHE, the folder is `dfd` in the platform's cache
-    folder, on Linux XDG_CACHE_HOME or ~/.cache.
+    folder. On Linux, that is XDG_CACHE_HOME or ~/.cache.
     """
     import platformdirs  # imported only here: Blender lacks it, and dfd's add-on for Blender uses no cache
 
@@ -27,7 +27,7 @@ def cache_directory() -> Path:
 
 
 def plain(value: Any) -> Any:
-    """Convert a NumPy array or number to Python values, and any other object to text, for `default` of `json.dumps`."""
+    """Convert a NumPy array or number to Python values, and other objects to text, as the `default` of `json.dumps`."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -96,7 +96,7 @@ def resolved_target(path: Path, argument: str) -> Path:
 
 
 def _temporary(target: Path) -> Path:
-    """Create an empty temporary file beside `target`, and delete old ones that killed processes left."""
+    """Create an empty temporary file beside `target`, and delete old files that killed processes left."""
     ending = target.suffix if len(os.fsencode(target.suffix)) <= _LONGEST_ENDING else ""
     # The name is hashed, because file systems allow 255 bytes, and the target's name alone may have that length.
     start = f".dfd-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}-"

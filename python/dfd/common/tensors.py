@@ -51,7 +51,7 @@ def output(
     *,
     columns: bool = False,
 ) -> NDArray[Any]:
-    """Return `out` as a NumPy array over the same memory, to which a kernel can write.
+    """Return `out` as a NumPy array that shares its memory, and to which a kernel can write.
 
     With `columns`, it is enough that either the rows or the columns are contiguous. Raises ValueError if `out` is no
     writable contiguous array of `shape` and `dtype`, requires a gradient, or shares memory with one of the `inputs`.

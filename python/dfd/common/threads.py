@@ -42,8 +42,8 @@ def get_num_threads() -> int:
 def one_blas_thread() -> Iterator[None]:
     """Make NumPy and SciPy compute matrix products on the calling thread alone while the `with` block runs.
 
-    Use it if several threads of dfd compute small matrix products at the same time. Otherwise, the BLAS library would
-    start further threads, which spin while they wait for each other: the work takes at least twice as long.
+    Use this function if several threads of dfd compute small matrix products at the same time. Otherwise, the BLAS
+    library would start further threads, which spin while they wait, and the work takes at least twice as long.
     """
     from threadpoolctl import threadpool_limits
 

@@ -23,10 +23,10 @@ def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
 
 
 def differences(before: Deformer, after: Deformer) -> Float64:
-    """Compare the surfaces that each handle moves in the two sessions. Return two differences, (H, 2), at least 0.
+    """Compare the surfaces that each handle moves in the two sessions. Return two differences per handle, (H, 2).
 
-    Column 0 is |log(A / B)|, where A and B are the fractions of the area that the handle moves. Column 1 is the
-    distance between both centers. Each coordinate is replaced by its absolute value, so it is 0 for mirror images.
+    Column 0 is |log(A / B)|, with the fractions A and B of the area that the handle moves. Column 1 is the distance
+    between the centers of the two surfaces. Their coordinates become absolute values, so mirror images have distance 0.
     """
     (area, center), (other_area, other_center) = map(_moved_surface, (before, after))
     ratio = np.abs(np.log(np.maximum(area, 1e-9)) - np.log(np.maximum(other_area, 1e-9)))
@@ -34,10 +34,10 @@ def differences(before: Deformer, after: Deformer) -> Float64:
 
 
 def _moved_surface(session: Deformer) -> tuple[Float64, Float64]:
-    """Return the fraction (H,) of the area that each handle moves, and its center (H, 3) divided by the diagonal."""
+    """Return the share (H,) of the area that each handle moves, and the center (H, 3) of this surface."""
     mesh, weights = session.mesh, session.following
     area = vertex_areas(mesh.vertices, mesh.faces)
     held = area[:, None] * ((weights >= MOVED * weights.max(axis=0)) & (weights > 0))
     total = held.sum(axis=0)
     center = held.T @ (mesh.vertices - mesh.bounds.mean(axis=0)) / np.maximum(total, 1e-300)[:, None]
-    return total / max(area.sum(), 1e-300), center / max(mesh.diagonal, 1e-300)
+    return total / max(area.sum(), 1e-300), center / max(mesh.diagonal, 1e-300)  # from the box center, in diagonals

@@ -36,8 +36,8 @@ from dfd.weights.compact import CompactFeatures
 class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
-    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. A new
-    handle needs only its own weights. With a linear blend, most frames of a drag skip the handles that do not move.
+    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. For a
+    new handle, only its weights are computed. With a linear blend, most frames of a drag skip handles that do not move.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -53,8 +53,8 @@ class Deformer(History):
         The defaults of the session and its handles (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
         and Eq. 4 to 8 exactly. Settings of a handle or of the session override the preset.
     features
-        (V, D) features of the vertices, or their compact form from `dfd.compact`. The session then evaluates the field
-        only at handles and fixed points that are points in space. If left out, the session evaluates the field when it
+        (V, D) features of the vertices, or their compact form from `dfd.compact`. With them, the session evaluates the
+        field only at handles and fixed points that are points in space. Without them, it evaluates the field when it
         first needs features. With the preset "default", it compacts the features of a mesh with more than 16,384
         vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
@@ -137,7 +137,7 @@ class Deformer(History):
         ----------
         at
             The place: a vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or a
-            region of `dfd.editing.influence.regions` makes all of these vertices the handle. A text is "part@1,2,3"
+            region of `dfd.editing.influence.regions` makes all of its vertices the handle. A text is "part@1,2,3"
             (the part at this point), "piece@812" (the part at vertex 812 without its counterparts), or one of the texts
             of `dfd.editing.points.find`.
         translation
@@ -195,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The further a translation, rotation or scale moves the border across the limb, the wider is the band.
+        The farther a motion shifts this border sideways, not towards the part's middle, the wider is the band.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -273,7 +273,7 @@ class Deformer(History):
             self._adapt_to(preset)
 
     def _adapt_to(self, preset: Preset) -> None:
-        """With the preset "paper", use full features, and warn if the field was distilled with other settings."""
+        """With the preset "paper", use features that are not compact, and warn if the field has other settings."""
         from dfd.distillation.settings import DistillSettings
 
         if preset == "paper":
@@ -327,13 +327,13 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry. Vertices on the other side of it follow a handle's mirrored transform (Eq. 8).
+        """Set the plane of symmetry. Vertices on its other side follow a handle's mirrored transform (Eq. 8).
 
         Parameters
         ----------
         plane
             A plane, a text, or None for no symmetry. "x", "y" or "z" is the plane perpendicular to that axis through
-            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the plane whose sides look alike.
+            the center of the bounding box. "x=0.1" is the plane x = 0.1. "auto" is the one with the most similar sides.
         band
             Half width, in mesh units, of the band at the plane in which the motions of both sides are blended. With 0,
             as in Eq. 8, the surface tears at the plane. If left out, a `SymmetryPlane` keeps its own band, and a plane
@@ -381,12 +381,12 @@ class Deformer(History):
 
     @property
     def weights(self) -> Float32:
-        """Return the weights (V, H) of `handles` by features (Eq. 4 to 7), read-only, for all counterparts together."""
+        """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
         return self.bound.by_features.of(self.edit)[0]
 
     @property
     def following(self) -> Float32:
-        """Return the weights (V, H) with which vertices follow handles: sums over the counterparts that move."""
+        """Return the weights (V, H) of handles, in which each column is a sum over the counterparts that move."""
         return self.bound.following(self.edit)
 
     @property
@@ -430,13 +430,11 @@ class Deformer(History):
     ) -> Deformer:
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-        with a warning if the file names another mesh. `other_shape` accepts an edit or a field of another shape. The
-        positions and lengths of such an edit do not change. To transfer an edit by features, use `dfd.editing.transfer`
-        instead.
+        If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. If the
+        file also describes another mesh, this causes a warning. `other_shape` accepts an edit or a field of another
+        shape, and keeps all positions and lengths. To transfer an edit by features, use `dfd.editing.transfer`.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
-        The message names the key in the file and its value.
         """
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))

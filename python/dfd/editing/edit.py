@@ -33,9 +33,9 @@ MOST_LINEAR = 30.0  # largest rotation, in degrees, that is blended linearly; at
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):
-    """A place on the shape, its transform, and the controls of its weights.
+    """A handle: its place on the shape, its transform, and the controls of its weights.
 
-    Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
+    Raises ValueError if `id` is below 1, `name` is no text, or the values of `transform` give no finite matrix.
     """
 
     # id: an identifier that never changes. No other handle of a session gets it, even after this handle is removed.
@@ -94,7 +94,7 @@ class Edit(Brief):
     # handles, fixed: in the order in which they were added
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    # symmetry: in a file also "x", "y" or "z", the plane perpendicular to this axis at the bounding box's center
+    # symmetry: files may have "x", "y" or "z", the plane perpendicular to this axis at the bounding box's center
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"
@@ -249,5 +249,5 @@ def symmetry_on(
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Return the center (3,) of the bounding box, in mesh units: the pivot of D₀ (`Edit.default`) if none is given."""
+    """Return the center (3,) of the bounding box, in mesh units: the pivot of D₀ (`Edit.default`) if none is set."""
     return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

@@ -39,12 +39,12 @@
       "default": null
     }
 
-Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All
-other keys of these objects have defaults, some of which depend on `preset` (`dfd.editing.presets`). Unknown keys,
-repeated keys, and numbers that are not finite raise an error, so a misspelt key never becomes a default.
+Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. Other
+keys at the top, in handles and in fixed points have defaults, some of which depend on `preset` (`dfd.editing.presets`).
+Unknown keys, repeated keys and numbers that are not finite raise an error, so a misspelt key never becomes a default.
 
-`vertex` is used if it lies at `position`, or if there is no `position` and `mesh` does not describe another mesh. On
-another resolution, the vertex may lie elsewhere; `position` is then used, as a point in space. The keys of a handle's
+`vertex` is used if it lies at `position`, or if there is no `position` and `mesh` does not describe another mesh. If
+the vertex lies elsewhere, as on another resolution, `position` is used, as a point in space. The keys of a handle's
 place, transform and controls are written directly in the handle's object. All other keys are the fields of `EditFile`.
 """
 
@@ -136,7 +136,7 @@ def _keys(owner: type) -> tuple[str, ...]:
 
 # Fields that have no object of their own in a file: their keys are in the object of the handle or fixed point.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
-# Keys of a handle's transform that need the handle's part, so that the default transform lacks them.
+# Keys of a handle's transform that need the handle's part. The default transform has no part, so it lacks these keys.
 OF_HELD_PARTS = tuple(name for name, (_, said) in about(Transform).items() if said is not None and said.of_part)
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # first keys of a file, for readability
 # Keys that are not written: excluded counterparts have no region, and the default transform has no part.
@@ -182,11 +182,10 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    A vertex of the edit may have another position on `mesh`. The stored position is then used, as a point in space,
-    with a warning if the file names another mesh. `other_shape` also accepts an edit of another shape.
+    If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. If the
+    file also describes another mesh, this causes a warning. `other_shape` also accepts an edit of another shape.
 
-    Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape. The
-    message names the key in the file and its value.
+    Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path), other_shape=other_shape)
 
@@ -369,7 +368,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None) -> dict[str, Any]:
 
 
 def _grouped(entry: Any, groups: Iterable[str], defaults: Mapping[str, Any], free: Iterator[int] | None = None) -> Any:
-    """Return a handle or fixed point with `defaults`, an object for each of `groups`, and an id of `free` if needed."""
+    """Return a handle or fixed point with `defaults`, and an object for each of `groups`. `free` gives missing ids."""
     if not isinstance(entry, dict):
         return entry
     given = {**defaults, **entry}
@@ -393,7 +392,7 @@ PHRASES = {  # patterns in pydantic's messages, and the words that replace them
 def _reported(error: ValidationError) -> tuple[str, str]:
     """Return the key of the first error, and its reason in the words of this package."""
     errors = error.errors(include_url=False)
-    # pydantic gives one error for each type of a union. Report the longest path, and for a text the error with choices.
+    # pydantic gives one error for each type of a union. Report the longest path; for a text, report choices.
     owner = _path(errors[0]["loc"])
     first = max(
         (each for each in errors if _path(each["loc"]).startswith(owner)),

@@ -14,7 +14,7 @@ class History:
     def __init__(self, start: Edit) -> None:
         self._states = [start]
         self._now = 0
-        self._floor = 0  # index of the oldest state that `undo` can reach; in a `step` block, the block's first state
+        self._floor = 0  # index of the oldest state that `undo` can reach: 0, or the first state of a `step` block
         self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None if no step may join it
 
     @property

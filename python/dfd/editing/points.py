@@ -35,8 +35,8 @@ class Place(Brief):
     Raises ValueError if the place has no vertex, position or region, or a number is out of its bounds.
     """
 
-    # position: (3,) in mesh units; for a region, the center of its bounding box. If a file has no position, it is
-    # `NOWHERE` until `place_on` computes it on a mesh.
+    # position: (3,) in mesh units; for a region, the center of its bounding box. If an edit file gives no position, the
+    # value is `NOWHERE` until `place_on` computes the position on a mesh.
     position: Annotated[Vector, Written(Vector | None)] = NOWHERE
     vertex: int | None = None  # index of the vertex at the position, or None
     # region: the set of vertices, or None for a single point
@@ -81,7 +81,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     """Return the place that `at` names on a mesh.
 
     `at` is a vertex index, a point (3,) in mesh units on or off the surface, an array of vertex indices, a mask (V,)
-    of bool, a region, a text (see `find`), or a `Place`. The vertex and the region of a `Place` refer to this mesh.
+    of bool, a region, a text (see `find`), or a `Place`. The vertex or region of a `Place` gives a position on `mesh`.
 
     Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if the distance of a
     point from the nearest vertex exceeds the diagonal of the bounding box.
@@ -147,7 +147,7 @@ def find(mesh: Mesh, text: str) -> Found:
 
 
 def _region_in(mesh: Mesh, said: str) -> Region | None:
-    """Return the region that a text names, or None. Raises ValueError if a number of the region cannot be read."""
+    """Return the region that `said` names, or None for other texts. Raises ValueError if a number cannot be read."""
     if said.startswith("component@"):
         at = find(mesh, said.removeprefix("component@")).place
         vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
@@ -167,7 +167,7 @@ def _region_in(mesh: Mesh, said: str) -> Region | None:
             return Part(name)
         case "group", _, name:
             return Group(name)
-        case "material", _, name:  # a face group of an OBJ file, else a material of a scene
+        case "material", _, name:  # `Part` also finds materials of a scene
             return Group(name) if name in mesh.group_names else Part(name)
         case "ball", _, numbers:
             x, y, z, radius = (float(number) for number in numbers.split(","))

@@ -27,7 +27,7 @@ class HandleReport:
     missing: float  # the distance between `target` and `landed`, mesh units
     arrived: bool  # whether `missing` is at most 0.1 % of the bounding-box diagonal, which is too small to see
     mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
-    counterparts: int  # number of counterparts that move about their own pivots; 1 if all share one pivot
+    counterparts: int  # number of counterparts with pivots of their own, without weak ones; 1 if all share one pivot
     along_with: tuple[int, ...] = ()  # ids of handles that also move this handle, because their parts contain its part
 
     def __str__(self) -> str:
@@ -114,7 +114,7 @@ def _transformed(matrix: Float64, point: Float64) -> Float64:
 
 
 def _advice(edit: Edit) -> str | None:
-    """Return a sentence about handles whose scale flattens or mirrors; None if no scale does."""
+    """Return a sentence about handles whose scale flattens or mirrors parts; None if no scale does."""
     scales = {f"handle {handle.id}": handle.transform.scale for handle in edit.handles}
     flat = [name for name, scale in scales.items() if 0.0 in scale]
     mirrored = [name for name, scale in scales.items() if np.prod(scale) < 0]

@@ -15,8 +15,8 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    If an edit changes only the transforms of at most half of the handles, and no blend band (`Grips.band`), a
-    `dfd.Drag` stores the sum over all other handles. Then only the handles that move are computed.
+    A `dfd.Drag` stores the sum over the handles that rest, so that only the moving handles are computed. It is used if
+    an edit changes only the transforms of at most half of the handles, and keeps the blend bands (`Grips.band`).
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    If displacements are added and there is no default transform, handles at rest move no vertex. The key omits them.
+    It omits handles at rest if they move no vertex: if displacements are added linearly, without a default transform.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

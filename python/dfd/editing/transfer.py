@@ -43,7 +43,7 @@ class Transferred:
 
     edit: Edit  # the edit on the other mesh
     similarity: dict[int, float]  # the similarity of each handle, by its id
-    fixed_similarity: tuple[float, ...]  # the similarity of each fixed point, in order
+    fixed_similarity: tuple[float, ...]  # the similarity of each fixed point, in the order of `edit.fixed`
 
 
 @public
@@ -53,9 +53,9 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
     the one with the most similar position in the bounding box. The mean feature of each shape is subtracted first,
     because it describes the style of the whole shape. Lengths, such as translations and radii, are multiplied by the
-    ratio of the longest sides of both boxes. Rotations and scales do not change. Balls, boxes and half spaces are
-    scaled and translated with the box. At most 2,048 vertices of a vertex set are transferred, one by one. Parts and
-    groups keep their names.
+    longest side of the new bounding box divided by that of the old one. Rotations and scales do not change. Balls,
+    boxes and half spaces are scaled and translated like the bounding box. At most 2,048 vertices of a vertex set are
+    transferred, one by one. Parts and groups keep their names.
 
     Raises ValueError if the fields have different encoders, two handles move to the same vertex, or a region contains
     no vertex of `mesh_to`.

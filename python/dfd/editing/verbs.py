@@ -95,7 +95,7 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
-    """Return `transform` with the `given` values, except those for `_on_part`. The axes "normal" become vectors."""
+    """Return `transform` with the `given` values that need no part (`_of_part`). The axes "normal" become vectors."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
     if isinstance(axes, str) and axes != "auto":

@@ -18,11 +18,11 @@ from dfd.mesh.normals import face_normals
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
 _QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearer samples have similar features
+_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearer samples always look alike
 _BINS = 24  # number of distance intervals for which the mean change of features is computed
 STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
 _MOVED = 0.3  # smallest share of samples that a symmetry must move
-_NO_SPREAD = 1e-4  # smallest usual feature distance (see `dissimilarity`) for which the field distinguishes symmetries
+_NO_SPREAD = 1e-4  # with a smaller usual feature distance (see `dissimilarity`), a field distinguishes no symmetries
 _TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
 
 
@@ -44,9 +44,9 @@ class SurfaceFeatures:
     def dissimilarity(self, images: Float64) -> tuple[float, float]:
         """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
 
-        The dissimilarity is the mean feature distance of a moved sample and its image, divided by the usual feature
-        distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance, and 1 if few samples
-        move. Only the best 80 % of moved samples count. The share is that of moved samples with images on the surface.
+        The dissimilarity is the mean feature distance of the best 80 % of moved samples from their images, divided by
+        the usual feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. The
+        share is that of moved samples whose images lie on the surface. If few samples move, the result is (1, 0).
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS

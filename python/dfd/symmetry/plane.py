@@ -33,7 +33,7 @@ class SymmetryPlane:
     #: the score of a mirror plane is below a threshold ε
     score: float = 0.0
     #: Mean feature distance between surface samples and their mirror images, divided by the usual feature distance of
-    #: samples that far apart. 0 is perfect, and chance gives about 1. Only the best four fifths of the samples count
+    #: samples that far apart. 0 is perfect, and chance gives about 1. Only the best 80 % of the moved samples count
     relative_score: float = 0.0
     #: Half of the width, in mesh units, of the band in which the deformations of both sides are blended. If it is 0,
     #: the deformations meet at the plane without a blend, as in Eq. 8

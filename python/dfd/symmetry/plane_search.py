@@ -11,9 +11,9 @@ from dfd.symmetry.evidence import SurfaceFeatures
 Planes = Float64  # (K, 4)
 
 _SEEDS = 300  # largest number of planes halfway between two samples, for which pairs of samples vote
-_MOST_REFINED = 8  # number of planes with the most votes that are fitted
+_MOST_REFINED = 8  # largest number of planes, those with the most votes, that are fitted to the surface
 _PAIR_FITS = 0.12  # a pair votes for a plane if the mirror image of a sample is nearer than this to the other sample
-_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes are the same if their angle and offset differ by less
+_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes with a smaller angle and difference of offsets are the same
 _STEPS = 10  # largest number of Gauss-Newton steps
 # The first _COARSE_STEPS steps use every _COARSE-th sample, if more than _ENOUGH samples remain.
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
@@ -64,7 +64,7 @@ def _between(points: Float64, pairs: Int64) -> Planes:
 
 
 def _principal(points: Float64) -> Planes:
-    """Return the planes (6, 4) perpendicular to the axes at the origin, and to the principal axes at the mean."""
+    """Return the planes (6, 4) perpendicular to x, y, z through the origin, or to principal axes through the mean."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])

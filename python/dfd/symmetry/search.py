@@ -16,10 +16,10 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
-# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus FIT_LEAVES.
+# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus MARGIN.
 # For example, the front of a figure resembles the back, but its left and right sides are much more similar.
-WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
-ON_SURFACE = 0.5  # smallest share of the moved samples whose mirror images lie on the surface
+WORSE_THAN_BEST, MARGIN = 3.0, 0.01
+ON_SURFACE = 0.5  # a plane is found only if at least this share of the moved samples have images on the surface
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets (normalized) differ
 # by less than _COPY_OFFSET, and its dissimilarity is more than _COPY_RATIO times that of the better plane.
 _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
@@ -39,24 +39,24 @@ def symmetry_planes(
 
     With `candidates="any"`, candidates are the planes halfway between points with similar features, and planes
     perpendicular to principal axes or coordinate axes. Each candidate is moved so that the mirror image of the surface
-    is nearest to the surface. Of nearly equal planes, one is kept. A plane nearly perpendicular to a coordinate axis is
-    made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies is not found.
+    is nearest to the surface. If planes are nearly equal, one of them is kept. A plane nearly perpendicular to a
+    coordinate axis is made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies
+    is not found.
 
     Parameters
     ----------
     threshold
-        A number is the ε of the paper, which uses 0.1: planes with a smaller `score` are returned. The best ε depends
-        on the encoder and its block, because their feature distances differ. "relative" returns planes with a
-        `relative_score` of at most 0.25, and of at most 3 times the best `relative_score` plus 0.01.
+        A number ε returns planes with a `score` below ε; the paper uses 0.1. The best ε depends on the encoder and its
+        block. "relative" returns planes with a `relative_score` of at most 0.25, and of at most 3 times the best
+        `relative_score` plus 0.01.
     candidates
-        "any", or "axes" for the paper's three planes: perpendicular to the axes, through the center of the box.
+        "any", or "axes" for the paper's three planes: perpendicular to x, y or z, through the bounding box's center.
 
     Returns
     -------
-    The planes, sorted by ascending `relative_score`, with a band of 3 % of the box's longest side.
+    The planes, sorted by ascending `relative_score`. Each `band` is 3 % of the longest side of the bounding box.
 
-    Raises ValueError if `field` is not callable, `threshold` is another word, negative or not finite, or `candidates`
-    is another word.
+    Raises ValueError if `field` is not callable, or `threshold` or `candidates` is invalid.
 
     Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
@@ -69,7 +69,7 @@ def symmetry_planes(
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
-    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES) if planes else 0.0
+    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + MARGIN) if planes else 0.0
     return [plane for plane in planes if plane.relative_score <= most]
 
 
@@ -77,7 +77,7 @@ def symmetry_planes(
 class _Candidate:
     plane: Float64  # (4,) unit normal and offset, normalized
     dissimilarity: float  # see `SurfaceFeatures.dissimilarity`
-    on_surface: float  # share of the moved samples whose images lie on the surface
+    on_surface: float  # share of the moved samples whose images lie on the surface, from the same method
 
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:

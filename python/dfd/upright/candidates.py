@@ -21,7 +21,7 @@ AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_PERPENDICULAR = 0.1  # smallest component, perpendicular to up, of a right vector that can be used
+LEAST_PERPENDICULAR = 0.1  # a right vector is used if its component perpendicular to up has at least this length
 LEAST_EXTENT = 1e-6  # an extent along a direction counts as 0 up to this fraction of the bounding box's longest side
 
 
@@ -30,7 +30,7 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
-    # Probability in [0, 1] that the axis of `frame`'s up or a nearly parallel axis is upright; 1 for the source "said"
+    # Probability in [0, 1] that the up axis of `frame`, or one nearly parallel to it, is upright; 1 for "said"
     confidence: float = 0.0
     # "said": the user gave `up`, not "auto". "file": +y is the most probable, or nothing was measured (confidence 0).
     # "found": another direction is the most probable. "averaged": features of the two most probable ones are combined.
@@ -126,7 +126,7 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the direction for a result `up` of `check_up`; ValueError if `mesh` has no extent along the direction."""
+    """Return the direction for a result `up` of `check_up`. Raises ValueError if `mesh` has no extent along it."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)

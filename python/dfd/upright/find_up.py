@@ -41,7 +41,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
     The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has two directions.
 
-    `probe` must be learned from tokens of `encoder`. None takes the package's probe. Without a probe, the result is +y.
+    `probe` must be learned from tokens of `encoder`; by default, it is the package's. Without one, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -101,8 +101,8 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return 2K frames (2K, 3, 3) in which a tilted shape may be upright. Frame 2k + 1 is frame 2k upside down.
 
-    Candidates for up are the axes of the file, the up directions of `cues.stable_ups`, and two eigenvectors of `form`
-    (3, 3), the vote of the pictures. The projections of both eigenvectors onto the mirror plane are also candidates.
+    Candidates for up are the axes of the file, the up directions of `cues.stable_ups`, and the main two eigenvectors of
+    `form` (3, 3), the vote of the pictures. The projections of both eigenvectors onto the mirror plane are also used.
     """
     normal = frame[0]
     main = np.linalg.eigh(form)[1].T[::-1][:2]

@@ -31,7 +31,7 @@ TERMS = (*LOOKS, *EVIDENCE)  # names of the values whose weighted sum gives the 
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# An orthogonal basis of the traceless symmetric matrices. Their coordinates are right, up and back of a camera. On unit
+# An orthogonal basis of the traceless symmetric matrices. The coordinates are right, up and back of a camera. On unit
 # vectors, these quadratic forms are multiples of the real spherical harmonics of degree two.
 FORMS = np.array(
     [
@@ -61,7 +61,7 @@ class UpProbe:
     mean: Float32  # (D,) vector that is subtracted from a picture's mean token
     form: Float32  # (5, D) the map of tokens to coefficients of `FORMS`
     vector: Float32  # (3, D) the map of tokens to coefficients of `VECTORS`
-    # (3, 9) log-odds per unit of each of `TERMS`. The rows are for pictures around +y alone, for pictures around all
+    # (3, 9) factors of `TERMS` in the log-odds. The rows are for pictures around +y alone, for pictures around all
     # axes of the file, and for a shape that is not aligned with the axes of the file.
     odds: Float64
     file_up: float  # prior log-odds of +y

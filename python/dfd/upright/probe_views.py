@@ -34,7 +34,7 @@ def _square(first: float, height: float) -> Float64:
     )
 
 
-SIDES, CORNERS = _square(0, 20), _square(45, 15)  # camera directions: front, right, back and left; and between them
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # camera directions: front, right, back, left; then between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class ProbeCameras:
 def _halves(tokens: Float32, covered: Bool) -> Float32:
     """Return the mean of a picture's tokens, and the mean of its right half minus that of its left half, (2, D).
 
-    `tokens` are (h, w, D). `covered` (R, R) is True for pixels on the shape. Patches with few of them are left out.
+    `tokens` are (h, w, D). `covered` (R, R) is True for pixels on the shape. Patches with few such pixels are left out.
     """
     side = len(tokens)
     within = len(covered) // side

@@ -20,7 +20,7 @@ POINTS = 2000  # number of surface samples
 REFLECTED = 500  # number of surface samples whose mirror images are compared with the surface
 BASE = 0.03  # height of the base above the lowest vertex, as a fraction of the bounding box's diagonal
 FACES_UP = 0.9  # a normal faces up if its cosine with up is larger than this
-ALIGNED = 1.25  # largest `mirror_error` of a mirror normal along an axis of the file, divided by the smallest error
+ALIGNED = 1.25  # an axis of the file is a mirror normal if its error is at most this times the smallest error
 LEAST_ERROR = 0.004  # `mirror_error` of an exact mirror plane, which is above 0 because samples are random
 LEAST_HEIGHT = 1e-6  # smallest divisor of heights, as a fraction of the box's diagonal; flat shapes have height 0
 DIRECTIONS = 200  # number of candidate normals of mirror planes, over half of the sphere
@@ -60,7 +60,7 @@ class StabilityCues:
             [
                 float(stable),  # whether the middle of the surface lies above the base
                 float((self.normals @ up > FACES_UP).mean()),
-                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # ratio of two areas
+                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,  # ratio of both areas
                 float((points < height.min() + BASE * self.diagonal).mean()),
                 float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
                 mirrored,  # mirror error of the better vertical plane
@@ -128,7 +128,7 @@ class StabilityCues:
     def frame(self) -> Float64:
         """Return the axes (3, 3) of the shape, in rows.
 
-        If one axis of the file is a mirror normal, the result is the axes of the file. Otherwise, it is the normal of
+        If one axis of the file is a mirror normal, the rows are the axes of the file. Otherwise, they are the normal of
         the best mirror plane, and the sides of the smallest rectangle around the shape's projection onto this plane.
         """
         normal = self.mirror_normal()

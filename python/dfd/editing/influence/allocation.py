@@ -33,7 +33,7 @@ def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
 
 
 def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
-    """Return the indices of the columns that remain: those of the handles on a component, or else its first column.
+    """Return the indices of the columns that remain of each component: those of handles on it, or else the first one.
 
     `handle_of` (C,) is the handle of each column. A handle lies on the component of its first column.
     """

@@ -37,12 +37,12 @@ class Counterpart:
     """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
 
     vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
-    # position: (3,) in mesh units, of the handle, of its mirror image if `image` is given, or else of `vertex`
+    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     weight: float = 1.0  # the handle's weight at `vertex`, by features alone
     share: Share | None = None  # fraction of the handle's weight for this counterpart at each vertex; None means 1
-    # image: (3, 4) isometry that maps the component at the handle onto this component; None if it is no mirror image
+    # image: (3, 4) isometry that maps the component at the handle onto this component; None if there is none
     image: Float64 | None = None
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
@@ -139,7 +139,7 @@ def _merged_components(nodes: Nodes, component: Int64, vertex: int) -> Int64:
     """Return `component` (N,), the index of the part's component at each mesh node, after two changes.
 
     A component joins a larger one if its center lies in the bounding box of the larger one and the mesh does not
-    connect the two, such as a hub and its tire. If the node of `vertex` has no component, it joins the nearest one.
+    connect the two. For example, a hub joins its tire. If the node of `vertex` has no component, it joins the nearest.
     """
     joined = component.copy()
     inside = np.flatnonzero(component >= 0)
@@ -234,7 +234,7 @@ def _corresponding(
 
 
 def _shares_of_nodes(mesh: Mesh, components: Sequence[Int64]) -> Float64:
-    """Return the share (K, N) of each counterpart at each mesh node. It is 1 on the counterpart's own component."""
+    """Return the share (K, N) of each counterpart at each mesh node. It is 1 on the component of the counterpart."""
     nodes = nodes_of(mesh)
     shares = np.empty((len(components), len(nodes.center)))
     for row, members in zip(shares, components, strict=True):

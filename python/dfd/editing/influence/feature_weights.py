@@ -18,7 +18,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
-# All weights of a handle are divided by the weight at the handle itself, if fixed points leave at least LEAST_LEFT.
+# If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
 LEAST_LEFT = 0.01
 # As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
 # handle and the vertices of the part, and at least LEAST_REACH.
@@ -75,7 +75,7 @@ class FeatureWeights:
         return self._columns.T, tuple(keys)
 
     def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
-        """Return the weight that fixed points subtract at each vertex, (V,): max_p s_p W_ip of Eq. 6."""
+        """Return the weight that fixed points p of strength s_p subtract at each vertex i, (V,): max_p s_p W_ip."""
 
         def find() -> Float32:
             most = np.zeros(len(self._mesh.vertices), np.float32)
@@ -190,7 +190,7 @@ class FeatureWeights:
         )
         if part is not None:
             column *= part
-        # `bind` uses only some vertices of a region. Here, each vertex of the region gets the weight of its own handle.
+        # `bind` uses only some vertices of a region. Here, each vertex gets the weight of a handle at this vertex.
         if place.region is not None:
             own = self._rows.members(place.region)
             free = 1.0 - self.subtracted(fixed)[own] if fixed else np.float32(1.0)

@@ -33,7 +33,7 @@ class Grips:
         """Compute all data that does not depend on a place, and return the parts of the mesh.
 
         A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
-        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be its result.
+        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be that result.
         """
         if parts is None:
             parts = self.parts
@@ -60,7 +60,7 @@ class Grips:
         return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
 
     def band(self, handle: Handle) -> float:
-        """Return the argument `band` of `grip` for a handle. A handle at rest or without a part gets the smallest."""
+        """Return the argument `band` of `grip` for a handle. At rest or without a part, it is the smallest."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
             return BANDS[0]
         place = handle.place

@@ -46,7 +46,7 @@ class HandleFeatures:
 
     @property
     def features(self) -> Float32 | CompactFeatures:
-        """Return the features (V, D), compact above 16,384 vertices unless they were given or `full` is True."""
+        """Return the features (V, D). If not given, they are compact above 16,384 vertices, unless `full` is True."""
         self.prepare()
         assert self._features is not None
         return self._features

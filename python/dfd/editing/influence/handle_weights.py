@@ -22,7 +22,7 @@ from dfd.mesh.mesh import Mesh
 
 COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-# `equalize` raises the weights of a counterpart only if two values there are large enough: the handle's weight by
+# `equalize` raises the weights of a counterpart only if two of its values are large enough: the handle's weight by
 # features alone (LEAST_ALIKE), and the final weight before locality, divided by that at the handle (LEAST_EQUALIZED).
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
 
@@ -129,7 +129,7 @@ class HandleWeights:
 
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
-        """Return the indices of the handles among which components are divided; none if fewer than two move."""
+        """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
@@ -157,7 +157,7 @@ class HandleWeights:
         return [portions[i] for i in order], [columns[i] for i in order]
 
     def _own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all of its counterparts share."""
+        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
         place = handle.place
         return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
@@ -211,10 +211,10 @@ def _sparse(weights: Float32) -> Share:
 def _equalized(
     weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
 ) -> list[Share]:
-    """Multiply the `portions` of similar counterparts, so that each counterpart has the same weight as the handle.
+    """Multiply the `portions` of similar counterparts, so that without locality, all have the handle's weight.
 
-    The factors compensate for differences between features. They do not compensate for locality, whose factor at each
-    counterpart is `near` (N,). The sum of the results at a vertex is limited to the maximum of `weights`.
+    The factors of locality, which are `near` (N,) at the counterparts, remain in the results. The sum of the results at
+    a vertex is limited to the maximum of `weights`.
     """
     found = []
     own = 0.0

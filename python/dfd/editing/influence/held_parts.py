@@ -31,9 +31,9 @@ class HeldPart:
     """One connected component of the part that a handle holds."""
 
     axis: PartAxis  # curve from the base of the component to its tip
-    amount: float  # factor in [0, 1] of the handle's bend and twist
+    amount: float  # factor in [0, 1] by which the handle's bend and twist are multiplied
     # carry: (3, 3) maps the handle's rotation vectors to this component. The matrix rotates the axis of the component
-    # at the handle onto the axis of this component. If this component is a mirror image, it also mirrors the vectors.
+    # at the handle onto the axis of this component. For a mirror image, the matrix also mirrors the vectors.
     carry: Float64
     handedness: float  # 1, or −1 for a mirror image, which twists in the opposite direction
     sections: Sections  # the vertices of the component in the order along its axis
@@ -54,7 +54,7 @@ def held_parts(
     `columns` are the weights (V,) and the `Column` of each counterpart, the handle itself first. On the other side of
     `plane`, the plane of symmetry of the edit, the handle acts mirrored.
     """
-    # One component can contain several counterparts, such as fingers of a hand. So components are found from the sum.
+    # One component can contain several counterparts, such as fingers of a hand. So the sum of all columns is used.
     whole = np.sum([weights for weights, _ in columns], axis=0)
     pieces: list[tuple[PartAxis, Column, float]] = []
     images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
@@ -103,7 +103,7 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, it aligns their horizontal normals."""
+    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, horizontal normals stay horizontal."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return _shortest_turn(one, other)
     frames = []
@@ -150,7 +150,7 @@ def pivot_on(
     """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
     If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the symmetry plane,
-    this pivot is then projected onto the plane.
+    this default pivot is projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """

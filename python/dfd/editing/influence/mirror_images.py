@@ -11,12 +11,12 @@ from dfd.geometry.topology import even_points, face_areas
 from dfd.symmetry.plane import SymmetryPlane
 
 SAMPLES = 1000  # number of surface samples of a component
-KEPT = 0.85  # a fit uses this fraction of the samples, the nearest ones, because components can end differently
-ROUNDS = 12  # number of rounds, each of which matches samples and fits the plane to the matches
+KEPT = 0.85  # a fit uses this fraction of the samples, those that match best, because the ends of components can differ
+ROUNDS = 12  # number of rounds; each round matches samples and fits the plane to the matches
 # A reflection is accepted if its misfit (see `_misfit`) is at most SHAPE_FIT for a plane of the whole shape, or at most
 # PAIR_FIT for a plane that was fitted to the two components.
 SHAPE_FIT, PAIR_FIT = 0.06, 0.035
-LEAST_GAIN = 1.25  # the misfit of a translation must be more than this times the misfit of the fitted plane
+LEAST_GAIN = 1.25  # a fitted plane is rejected if a translation has a misfit of at most this times the plane's misfit
 
 
 class Component(NamedTuple):
@@ -43,9 +43,9 @@ def component_of(vertices: Float64, faces: Int32) -> Component | None:
 def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
     """Return the reflection (3, 4) that maps component `one` onto `other`, or None if no plane fits.
 
-    Only `planes` are tried. If `planes` is None, a plane is fitted to both components instead, as Besl and McKay fit a
-    rigid motion ("A method for registration of 3-D shapes", 1992). If a translation fits about as well, such as for a
-    wheel behind another one, this plane is rejected.
+    The first of `planes` that fits is used. If its misfit exceeds PAIR_FIT, it is improved, as Besl and McKay fit a
+    rigid motion ("A method for registration of 3-D shapes", 1992). If `planes` is None, the plane halfway between the
+    components is improved. It is rejected if a translation fits about as well, as from one wheel to the next.
     """
     for plane in planes or ():
         reflection = plane.reflection[:3]
@@ -90,7 +90,10 @@ def _reflection(normal: Float64, offset: float) -> Float64:
 
 
 def _misfit(one: Component, other: Component, affine: Float64) -> float:
-    """Return the RMS distance of `other` from `one` moved by `affine` (3, 4), divided by the size of `one`."""
+    """Return the larger RMS distance between `one` moved by `affine` (3, 4) and `other`, divided by the size of `one`.
+
+    Each RMS is over the best 85 % of the samples of one component, measured from the surface of the other.
+    """
     linear, shift = affine[:, :3], affine[:, 3]
     there = one.points @ linear.T + shift, other
     back = (other.points - shift) @ linear, one

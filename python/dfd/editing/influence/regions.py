@@ -80,7 +80,7 @@ class Box(RegionBase):
 
 @dataclass(frozen=True)
 class HalfSpace(RegionBase):
-    """All vertices p with normal · p ≥ offset, in mesh units. Both values are divided by the length of `normal`."""
+    """All vertices p with normal · p ≥ offset, in mesh units. Both fields are divided by the length of `normal`."""
 
     normal: Vector
     offset: Annotated[float, About("Mesh units.")]
@@ -103,7 +103,7 @@ class HalfSpace(RegionBase):
 
 @dataclass(frozen=True)
 class Part(RegionBase):
-    """All vertices of a part of the scene in the mesh's file, by its name (see `Mesh.part_vertices`)."""
+    """All vertices of the scene's part with this name, or else of its geometry or material (`Mesh.part_vertices`)."""
 
     name: str
     kind: Literal["part"] = field(default="part", repr=False)
@@ -133,14 +133,14 @@ class Group(RegionBase):
 class VertexSet:
     """A set of vertices, with their positions on the mesh on which they were chosen.
 
-    On another mesh, the set contains the vertices nearest to these positions. A finer mesh adds the ones in between.
+    On another mesh, the set contains the vertices nearest to these positions, and on a finer mesh those in between.
 
     Raises ValueError if `indices` is empty or contains a vertex twice, or if `positions` has another length.
     """
 
     indices: Annotated[Int64, Written(list[int])]  # (N,) distinct vertex indices, ascending
     positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
-    count: int | None = None  # number of vertices of that mesh; None if unknown
+    count: int | None = None  # number of all vertices of the mesh on which they were chosen; None if unknown
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
@@ -222,7 +222,7 @@ def distances_from(mesh: Mesh, region: Region) -> Float64:
     inside = members(mesh, region)
     if isinstance(region, Ball | Box | HalfSpace):
         return np.maximum(region.away(mesh.vertices), 0.0)
-    # The shape of other regions in space is unknown, so the distance is that from their nearest vertex.
+    # Other regions are sets of vertices, so the distance is that from the nearest vertex of the region.
     return np.asarray(cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0])
 
 
