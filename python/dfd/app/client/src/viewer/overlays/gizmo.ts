@@ -23,7 +23,7 @@ interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** The ends of the held part's axis in bend mode; null in other modes. */
+  /** In bend mode, the ends of the axis of the handle's part; null in other modes. */
   readonly ends: PartEnds | null;
   /** Whether only the pivot moves. */
   readonly pivoting: boolean;

@@ -163,7 +163,7 @@ export class PosePass {
     this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
 
-  /** Create and bind a buffer with this content, or of this many bytes. */
+  /** Create and bind a buffer with the content `data`. If `data` is a number, it is the size in bytes. */
   private filled(data: Float32Array | Int16Array | Uint32Array | number): WebGLBuffer {
     const { gl } = this;
     const buffer = gl.createBuffer();
