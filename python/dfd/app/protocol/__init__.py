@@ -11,8 +11,7 @@ A message of the server without arrays is a JSON text. A message with arrays is 
 "message" in the metadata of this file is the JSON text.
 
 A column of weights W_k has one value for each vertex. A handle has one column, or one for each counterpart if
-counterparts have their own pivots. With the preset "default", small rotations and no bends, Eq. 1 moves a resting point
-V to V':
+these have their own pivots. With the preset "default", small rotations and no bends, Eq. 1 moves a point V to V':
 
     V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)
 

@@ -45,7 +45,7 @@ export function toggleCounterpart(handle: number, vertex: number): void {
   send({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
 }
 
-/** Convert painted weights to a region for requests: base64 of one bit per vertex. The lowest bit of a byte is first. */
+/** Convert painted weights to a region of a request: base64 of one bit per vertex, from the lowest bit of a byte. */
 export function regionOf(weights: Uint16Array): { mask: string } {
   const mask = new Uint8Array(Math.ceil(weights.length / 8));
   weights.forEach((weight, vertex) => {
