@@ -59,10 +59,10 @@ def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Mo
 class Transform(Model):
     """New values of a handle's transform: it scales along `axes` and rotates, both about the pivot, then translates.
 
-    Null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
+    A null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
     row: "auto" selects the axes of the mesh, and "normal" selects axes whose third is the surface normal at the handle.
     The pivot "auto" is computed when the handle rotates or scales. Bend and twist act before the scale, at the position
-    `joint` (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip rotates upwards.
+    `joint` of the part (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle of the tip upwards.
     """
 
     translation: Vector | None = None
@@ -77,7 +77,7 @@ class Transform(Model):
 
 @with_controls(GIVEN, optional=True)
 class Controls(Model):
-    """New values of a handle's name and controls. Null keeps the present value."""
+    """New values of a handle's name and controls. A null keeps the present value."""
 
     name: Text | None = None
 
@@ -331,7 +331,7 @@ class MeshMessage(Answer):
     name: str
     vertices: int
     faces: int
-    parts: int  # number of scene parts of the file
+    parts: int  # number of scene parts, such as objects, in the file
     center: Vector
     diagonal: float
     groups: tuple[Group, ...]

@@ -93,7 +93,7 @@ class Preparation:
             self._tell(self._session.tell_progress, task, stage, done, total, left)
 
     def find(self) -> None:
-        """Open the shape's field from the cache. If the cache has none, distill it."""
+        """Open the shape's field from the cache. If the cache has none, distill a field."""
         from dfd.distillation.distill import find_distilled
         from dfd.distillation.settings import DistillSettings
 

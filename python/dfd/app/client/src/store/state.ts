@@ -72,9 +72,9 @@ export const CLOSED = {
   /** The painted region: weights of 0 or 65535, (V), and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
-  /** The counterparts of the selected handle. */
+  /** The places of the selected handle and its counterparts. */
   similar: null as SimilarMessage | null,
-  /** The pivots and the axis of the selected handle. */
+  /** The possible pivots of the selected handle, and the axis of its part. */
   axis: null as AxisMessage | null,
   report: null as ReportMessage | null,
   tool: "hold" as Tool,

@@ -86,7 +86,7 @@ export class Gizmo {
       .add(new Vector3(...center))
       .toArray();
     if (ends) {
-      // The transform acts after the bend, so its inverse gives the tip of the bend.
+      // The transform acts after the bend, so the inverse transform gives the tip of the bent part.
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }

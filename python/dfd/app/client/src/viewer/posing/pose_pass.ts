@@ -40,7 +40,7 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
-  /** Takes resting positions (R, 3), normals (R, 4) of length 32767, and the vertex of each row (R). */
+  /** Takes the arrays of a `MeshMessage`: resting positions (R, 3), normals (R, 4) and the vertex of each row (R). */
   constructor(
     private readonly renderer: WebGLRenderer,
     positions: Float32Array,
