@@ -65,6 +65,6 @@ def _box_difference(field: dfd.Field, mesh: dfd.Mesh) -> float:
 
 
 def _fits_y_up(field: dfd.Field, mesh: dfd.Mesh) -> bool:
-    """Return whether the mesh fits the field's bounding box better with y up, or equally well: most files have y up."""
+    """Return whether the mesh fits the field's box with y up at least as well as with z up. Most files have y up."""
     same, turned = _box_difference(field, mesh), _box_difference(field, dfd.Mesh(_y_up(mesh.vertices), mesh.faces))
     return turned <= same + SAME_BOX

@@ -32,7 +32,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         An .npz or .safetensors file. `vertices` (V, 3) float64 is the resting shape with bends and twists. `weights`
         (V, C) float32 has a column for each counterpart of each handle. `transforms` (C, 3, 4) float64 in mesh units,
         `handles` (C, 3), the positions, and `handle_ids` (C,) belong to these columns. `faces` is (F, 3), and `default`
-        (3, 4) is D₀. The texts are `format`, `version`, `names` (JSON, by column), `edit` (JSON of an edit file),
+        (3, 4) is D₀. The texts are `format`, `version`, `names` (JSON, for each column), `edit` (JSON of an edit file),
         `field` (JSON of settings) and `mesh` (the mesh's `content_hash`). In safetensors, they are metadata.
 
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file

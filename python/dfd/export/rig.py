@@ -87,7 +87,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
-    # All poses share the weights. A blend band, where weights fall at a border of a part, is the widest of all poses.
+    # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest width needed.
     every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
     widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
     weights, columns = session.bound.columns(edit, widest)

@@ -62,7 +62,7 @@ class Transform(Model):
     A null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
     row: "auto" selects the axes of the mesh, and "normal" selects axes whose third is the surface normal at the handle.
     The pivot "auto" is computed when the handle rotates or scales. Bend and twist act before the scale, at the position
-    `joint` of the part (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle of the tip upwards.
+    `joint` of the part (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip turns up.
     """
 
     translation: Vector | None = None
@@ -340,7 +340,7 @@ class MeshMessage(Answer):
 
 
 class ColumnsMessage(Answer):
-    """New weights, which the next `state` uses. Then, the page may delete all weights that this `state` does not use.
+    """New weights, which the next `state` uses. After it, the page may delete weights that no handle uses.
 
     Array: `values` uint16 (C, V), weights times 65535; row i has the identifier `columns[i]`.
     """

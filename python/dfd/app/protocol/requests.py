@@ -35,7 +35,7 @@ MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
-    """Register `handler` for requests whose `type` is its name. Its parameters after `session` become their fields."""
+    """Register `handler` for requests whose `type` is its name. The fields are its parameters after `session`."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {

@@ -31,7 +31,7 @@ from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest size of a message from a page, in bytes
 UPLOAD_BYTES = 1 << 30  # largest total size of the unpacked files of an upload, in bytes
-MOST_UNATTENDED = 8  # most sessions without a page; if there are more, those whose pages left first end
+MOST_UNATTENDED = 8  # most sessions without a page; if there are more, sessions whose pages left first are ended
 
 
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
@@ -141,7 +141,7 @@ class Sessions:
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages in `outbox` to the page. If one is a close code, close the connection."""
+    """Send the messages in `outbox` to the page. If a message is a close code, close the connection with this code."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))

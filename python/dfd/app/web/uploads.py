@@ -94,7 +94,7 @@ class _Upload:
         self.paths[original] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """Return the only file with one of `endings`, or None. Raise ValueError for several unless `ignore_several`."""
+        """Return the only file with one of `endings`, or None. Two or more raise ValueError unless `ignore_several`."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")

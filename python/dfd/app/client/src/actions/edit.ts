@@ -39,7 +39,7 @@ export async function changePart(how: PartChange, vertex: number | null = null):
   if (!taken && resizes && store.get().link === "open") note(`There is no ${how} part here.`);
 }
 
-/** Switch the counterpart at `vertex` on or off: whether it follows the handle. */
+/** Switch the counterpart at `vertex` on or off. If it is on, it follows the handle. */
 export function toggleCounterpart(handle: number, vertex: number): void {
   const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
   send({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
