@@ -1,6 +1,6 @@
 """Build the extension: a ZIP file with its modules, the wheel of dfd, and wheels of the packages that dfd imports.
 
-Run `python python/blender/build.py FOLDER`. FOLDER contains the wheel of dfd, and the ZIP file is written there. The
+Run `python python/blender/build.py FOLDER`. The ZIP file is written to FOLDER, which must contain the wheel of dfd. The
 extension runs only on the platform and the Python version with which it was built. Blender 5.0 has Python 3.11.
 """
 

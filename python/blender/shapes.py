@@ -1,4 +1,4 @@
-"""Compute the weights and the parts of a mesh from its field. Data for all handles is computed only once.
+"""Compute the weights and the parts of a mesh from its field. Data that all handles share is computed once.
 
 The module does not import bpy, torch or pydantic.
 """
@@ -19,7 +19,7 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # results of `_box_difference` that differ by less are equal; simplification changes a box by less
+SAME_BOX = 1e-3  # smaller changes of `_box_difference` do not count: simplifying a mesh causes them
 
 
 class Shape:
@@ -27,7 +27,7 @@ class Shape:
 
     `vertices` (V, 3) are in the object's own coordinates, and `field` is the path of a `.field.safetensors` file.
     `axes` are the axes of the field. "SAME" means the object's axes. "Y_UP" means the axes of a glTF file, which
-    Blender rotates by 90 degrees during import. "AUTO" selects the one that fits the field's bounding box better.
+    Blender rotates by 90 degrees during import. "AUTO" selects the axes that fit the field's bounding box better.
 
     Raises ValueError if the field is invalid or of another shape. Raises OSError if the file cannot be read.
     """
@@ -59,12 +59,12 @@ def _y_up(vertices: np.ndarray) -> np.ndarray:
 
 
 def _box_difference(field: dfd.Field, mesh: dfd.Mesh) -> float:
-    """Return how much the bounding boxes of mesh and field differ, as a fraction of half the longest side."""
+    """Return how much the boxes of mesh and field differ, as a fraction of half the longest side of the field's box."""
     low, high = (np.asarray(mesh.bounds) - field.center) * field.scale
     return float(max(np.abs(low + high).max() / 2, abs((high - low).max() / 2 - 1)))
 
 
 def _fits_y_up(field: dfd.Field, mesh: dfd.Mesh) -> bool:
-    """Return whether the mesh fits the field's bounding box better with y up. On a tie, y is up, as in most files."""
+    """Return whether the mesh fits the field's box with y up at least as well as with z up. Most files have y up."""
     same, turned = _box_difference(field, mesh), _box_difference(field, dfd.Mesh(_y_up(mesh.vertices), mesh.faces))
     return turned <= same + SAME_BOX

@@ -32,7 +32,7 @@ def refresh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 
 @contextmanager
 def object_mode(obj: bpy.types.Object) -> Iterator[None]:
-    """Switch to object mode inside the `with` block: only there can Python write vertex groups and read selections."""
+    """Switch to object mode inside the `with` block, because other modes do not let Python write vertex groups."""
     mode = obj.mode
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
@@ -44,9 +44,9 @@ def object_mode(obj: bpy.types.Object) -> Iterator[None]:
 
 
 def weigh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
-    """Write the vertex group of a handle, in object mode.
+    """In object mode, write the vertex group of a handle.
 
-    Raises ValueError if no field is chosen, or the field is invalid or of another shape, OSError if there is no file.
+    Raises ValueError if no field is chosen, or it is invalid or of another shape. Raises OSError if there is no file.
     """
     weights = _shape_of(obj).weights(handle.vertex, obj.dfd.preset, **handle.controls())
     group = obj.vertex_groups.get(handle.name) or obj.vertex_groups.new(name=handle.name)
@@ -57,9 +57,9 @@ def weigh(obj: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
 
 
 def cut(obj: bpy.types.Object) -> int:
-    """Write a vertex group for each part of the shape, in object mode, and return the number of parts.
+    """In object mode, write a vertex group for each part of the shape, and return the number of parts.
 
-    Raises ValueError if no field is chosen, or the field is invalid or of another shape, OSError if there is no file.
+    Raises ValueError if no field is chosen, or it is invalid or of another shape. Raises OSError if there is no file.
     """
     found = _shape_of(obj).parts()
     for number, vertices in enumerate(found, 1):
@@ -71,7 +71,7 @@ def cut(obj: bpy.types.Object) -> int:
 
 
 def _shape_of(obj: bpy.types.Object) -> Shape:
-    """Return the shape of the object's present mesh and field. It comes from the cache if neither has changed."""
+    """Return the shape of the object's present mesh and field. If nothing has changed, it comes from the cache."""
     if not obj.dfd.field:
         raise ValueError("Choose a field, or distill one")
     path = Path(bpy.path.abspath(obj.dfd.field))

@@ -74,7 +74,7 @@ def recorded_warnings() -> Iterator[list[UserWarning]]:
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
-    """Read the mesh of `source`. Return it with the warnings of the reader, which contain no path of this machine.
+    """Read the mesh of `source`. Return the mesh, and the reader's warnings without paths of this machine.
 
     Raises ValueError if no sample has the name `source`, and the exceptions of `dfd.load`.
     """

@@ -50,12 +50,12 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 
 def _most(corners: Int64) -> Int64:
-    """Return for each face the index (F,) of the part of most corners. `corners` (F, 3) holds each corner's part."""
+    """Return the index of each face's part (F,): the part of most corners. `corners` (F, 3) has the corners' parts."""
     return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, primitives: Sequence[Primitive], of_vertex: Int64) -> None:
-    """Split each primitive of a node into one primitive for each part. `of_vertex` (V,) holds each vertex's part."""
+    """Split each primitive of a node into one primitive for each part. `of_vertex` (V,) has each vertex's part."""
     content, of_number = document.own_mesh(node), {each.source[2]: each for each in primitives}
     split: list[Header] = []
     for number, primitive in enumerate(content["primitives"]):

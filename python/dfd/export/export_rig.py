@@ -49,8 +49,8 @@ def export_rig(
         blends (Eq. 1 and 8). A root joint, which never moves, gets 1 minus the sum of these weights. If the edit has a
         default transform D₀, the joint of D₀ gets this weight instead. "morph" writes a morph target for each handle
         that moves or, with `poses`, one for the edit and one for each key pose. "baked" writes the posed shape as a
-        static mesh. In a glTF file, the default is "skin". If the mesh already has a skin, which the file keeps, the
-        default is "morph", or "baked" if the mesh also has morph targets.
+        static mesh. In a glTF file, the default is "skin". If the mesh already has a skin, the file keeps it, and the
+        default is "morph". If the mesh also has morph targets, the default is "baked".
     influences
         The largest number of joints that a vertex follows, by default 4, which all programs can read. The largest
         weights of a vertex are kept and divided by their sum. "all" keeps all weights. Weights after the fourth are
@@ -94,7 +94,7 @@ def export_rig(
 
 
 def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
-    """Return the form in which a session of `mesh` is written to `path`, and a note if the mesh's own skin decides it.
+    """Return the form in which a session of `mesh` is written to `path`, and a note if the mesh's skin excludes "skin".
 
     Raises ValueError if `form` is unknown, does not fit the file ending, or would replace a skin or morph targets.
     """

@@ -29,11 +29,11 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     session
         The shape with its handles.
     path
-        An .npz or .safetensors file. Its arrays are `vertices` (V, 3) float64, the shape at rest with bends and twists;
-        `faces` (F, 3); `weights` (V, C) float32, a column for each counterpart of each handle; for each column,
-        `transforms` (C, 3, 4) float64 in mesh units, positions `handles` (C, 3) and `handle_ids` (C,); and `default`
-        (3, 4), D₀. Its texts, metadata in safetensors, are `format`; `version`; `names`, JSON of the columns' names;
-        `edit`, JSON of an edit file; `field`, JSON of the field's settings; `mesh`, the mesh's `content_hash`.
+        An .npz or .safetensors file. `vertices` (V, 3) float64 is the resting shape with bends and twists. `weights`
+        (V, C) float32 has a column for each counterpart of each handle. `transforms` (C, 3, 4) float64 in mesh units,
+        `handles` (C, 3), the positions, and `handle_ids` (C,) belong to these columns. `faces` is (F, 3), and `default`
+        (3, 4) is D₀. The texts are `format`, `version`, `names` (JSON, for each column), `edit` (JSON of an edit file),
+        `field` (JSON of settings) and `mesh` (the mesh's `content_hash`). In safetensors, they are metadata.
 
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
     cannot be written; an existing file stays unchanged.

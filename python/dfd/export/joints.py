@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
-# Off-diagonal entries of a scale matrix count as rounding errors below this fraction of the largest scale factor.
+# Off-diagonal entries of a scale matrix are rounding errors if they are below this fraction of the largest factor.
 SHEAR = 1e-9
 
 
@@ -79,7 +79,7 @@ class Joint:
         return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
 
     def placed(self, local: Local) -> Local:
-        """Convert `local` from the joint's frame to mesh coordinates, the frame of a parent at 0 without rotation."""
+        """Convert `local` from the joint's frame to mesh coordinates, which are the frame of a parent at the origin."""
         frame = self.frame
         rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
         return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

@@ -26,7 +26,7 @@ class KeyPose:
     """
 
     seconds: float  #: Time of the pose in the animation, at least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; a missing handle is at rest
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; all other handles are at rest
     name: str = ""  #: A name for display; glTF stores it only for morph targets
 
     def __post_init__(self) -> None:
@@ -44,7 +44,7 @@ class KeyPose:
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
     """Return `poses` as a tuple.
 
-    Raises ValueError if an item is no key pose, is not later than the one before it, or has a handle not in `edit`.
+    Raises ValueError if an item is not a key pose, is not later than the item before it, or has a handle not in `edit`.
     """
     known = {handle.id for handle in edit.handles}
     before = None

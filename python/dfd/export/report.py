@@ -17,8 +17,8 @@ class RigReport:
     joints: int = 0  # 0 without a skin
     influences: int = 0  # largest number of joints that a vertex follows
     targets: int = 0  # number of morph targets
-    pruned: float = 0.0  # largest fraction of a vertex's total weight that was left out, to limit its joints
-    normalized: int = 0  # number of vertices whose weights changed: one was negative, or the sum exceeded 1
+    pruned: float = 0.0  # largest fraction of a vertex's total weight that the limit of joints removed
+    normalized: int = 0  # number of vertices whose weights were changed: a weight was negative, or the sum above 1
     largest: float  # largest distance of a vertex in the file from the result of `dfd.pose`, mesh units
     mean: float  # mean of these distances in the pose `at`, mesh units
     at: str  # the pose with the largest distance: "the edit", or the name of a key pose

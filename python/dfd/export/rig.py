@@ -27,15 +27,15 @@ class Rig:
 
     mesh: Mesh  # the resting shape
     edit: Edit
-    # first the root, which never moves and is the parent of all others; then the joint of D₀, if any; then all others
+    # the root, which never moves and is the parent of all others; the joint of D₀, if any; then the joints of handles
     joints: tuple[Joint, ...]
-    origin: Float64  # (3,) mesh units; a file stores vertices minus `origin`; 0 if 32-bit floats are fine enough
+    origin: Float64  # (3,) mesh units; files store vertices minus `origin`. It is 0 unless vertices are far from 0
     default: int  # index of the joint whose weight is 1 minus all other weights: the joint of D₀, or else the root
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _posed: PosedShape
     _weights: Float32  # (V, C) weights of the session, one or more columns for each handle
-    _column: Int64  # (J − default − 1,) column of `_weights` for each joint of a handle; these follow `default`
-    _on_negative_side: Bool  # (J − default − 1,) whether such a joint acts on the negative side of the mirror plane
+    _column: Int64  # (J − default − 1,) column of `_weights` for each joint after `default`
+    _on_negative_side: Bool  # (J − default − 1,) whether this joint acts on the negative side of the plane
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
         """Yield slices of N vertices, and the weights (N, J) with which they follow the joints in `dfd.pose`.
@@ -79,15 +79,15 @@ class Rig:
 def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     """Return the rig of a session's present edit.
 
-    A handle has a joint for each counterpart. With a plane of symmetry, each counterpart has a second joint for its
-    mirror image.
+    A handle has a joint for each of its columns of weights, usually one for each counterpart. With a plane of symmetry,
+    each column has a second joint for its mirror image.
     """
     edit = session.edit
     moves = {
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
-    # All poses share the weights. So a blend band, where weights fall at a part's border, is the widest of all poses.
+    # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest width needed.
     every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
     widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
     weights, columns = session.bound.columns(edit, widest)
@@ -117,7 +117,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or else with axes."""
+    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or else the first with axes."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:

@@ -86,7 +86,7 @@ def difference_of(rig: Rig, shown: Callable[[int, Rig], Float64]) -> Difference:
 
 
 def _summing_to_one(weights: Float64) -> Float32:
-    """Return 32-bit weights whose rows sum to 1. The first weight, the largest, absorbs rounding."""
+    """Return 32-bit weights whose rows sum to 1. The first weight, the largest, absorbs the rounding error."""
     single = weights.astype(np.float32)
     single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
@@ -115,7 +115,7 @@ def _moments(rig: Rig) -> list[list[Local]]:
             local = joint.placed(joint.local(transform))
             parts = (local.translation - rig.origin, local.rotation, local.scale)
             translation, rotation, scale = (part.astype(np.float32).astype(np.float64) for part in parts)
-            if moments and rotation @ moments[-1][number].rotation < 0:  # of q and −q, take the closer quaternion
+            if moments and rotation @ moments[-1][number].rotation < 0:  # −q is the same rotation
                 rotation = -rotation
             placed.append(Local(translation, rotation, scale))
         moments.append(placed)

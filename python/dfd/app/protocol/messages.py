@@ -18,7 +18,7 @@ from dfd.symmetry.plane import SymmetryPlane
 
 Index = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-# Changes of a handle's region. The last three select the whole scene part, material or component at the handle.
+# Changes of a handle's region. The last three select the scene part, material or connected component at the handle.
 PartChange = Literal["smaller", "larger", "add", "remove", "scene_part", "material", "component"]
 
 
@@ -29,7 +29,7 @@ class Model(BaseModel):
 
 
 class Region(Model):
-    """A set of vertices. `mask` is base64: bit b of byte i is 1 if vertex 8 i + b is in the set. Bit 0 is lowest."""
+    """A set of vertices. `mask` is base64: bit b of byte i is 1 if vertex 8 i + b is in it. Bit 0 is the lowest bit."""
 
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
@@ -40,12 +40,12 @@ Place = Index | Region  # the index of a vertex, or a region
 GIVEN: dict[str, Any] = {
     "radius": float | str,
     "mask": Region | Literal["everywhere", "part"],
-    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # one vertex on each
+    "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex on each of them
 }
 SHOWN: dict[str, Any] = {
     "reach": float,  # the feature distance; if the reach is "part", a distance with a similar effect
     "mask": int,  # number of vertices in the mask; 0 without a mask
-    "excluded_counterparts": tuple[int, ...],  # one vertex on each
+    "excluded_counterparts": tuple[int, ...],  # a vertex on each of them
 }
 
 
@@ -59,10 +59,10 @@ def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Mo
 class Transform(Model):
     """New values of a handle's transform: it scales along `axes` and rotates, both about the pivot, then translates.
 
-    Null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
+    A null keeps the present value. All angles are in degrees. `rotation` is a rotation vector. `axes` has one axis per
     row: "auto" selects the axes of the mesh, and "normal" selects axes whose third is the surface normal at the handle.
     The pivot "auto" is computed when the handle rotates or scales. Bend and twist act before the scale, at the position
-    `joint` (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip rotates upwards.
+    `joint` of the part (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip turns up.
     """
 
     translation: Vector | None = None
@@ -77,7 +77,7 @@ class Transform(Model):
 
 @with_controls(GIVEN, optional=True)
 class Controls(Model):
-    """New values of a handle's name and controls. Null keeps the present value."""
+    """New values of a handle's name and controls. A null keeps the present value."""
 
     name: Text | None = None
 
@@ -154,7 +154,7 @@ class SessionMessage(Answer):
 
 
 class StartMessage(Answer):
-    """No mesh is open: show the start page."""
+    """No mesh is open, so the page shows its start page."""
 
     type: Literal["start"] = "start"
 
@@ -297,7 +297,7 @@ class DownloadMessage(Answer):
     type: Literal["download"] = "download"
     url: str
     name: str
-    said: str = ""  # differences between the exported shape and the shape on the page; may be empty
+    said: str = ""  # the report of a rig, morph targets or an animation; empty for other files
 
 
 class MaterialEntry(Model):
@@ -331,7 +331,7 @@ class MeshMessage(Answer):
     name: str
     vertices: int
     faces: int
-    parts: int  # number of scene parts of the file
+    parts: int  # number of scene parts, such as objects, in the file
     center: Vector
     diagonal: float
     groups: tuple[Group, ...]
@@ -340,7 +340,7 @@ class MeshMessage(Answer):
 
 
 class ColumnsMessage(Answer):
-    """New weights for the next `state`. After that, the page may delete weights that the `state` does not use.
+    """New weights, which the next `state` uses. After it, the page may delete weights that no handle uses.
 
     Array: `values` uint16 (C, V), weights times 65535; row i has the identifier `columns[i]`.
     """
@@ -357,7 +357,7 @@ class HeatMessage(Answer):
 
 
 class PositionsMessage(Answer):
-    """Answer to `compute`. Arrays: `positions` float32 (V, 3), relative to the center, and `normals` int16 (V, 4)."""
+    """Answer to `compute`. Arrays: `positions` float32 (V, 3), relative to `center`; `normals` int16 (V, 4)."""
 
     type: Literal["positions"] = "positions"
 

@@ -23,7 +23,7 @@ class Request(Model):
 
 
 class RequestError(ValueError):
-    """Raised for a text that is not a valid request. `number` is the `id` in the text, or 0 without a valid `id`."""
+    """Raised for a text that is not a valid request. `number` is the text's `id`, or 0 if it has no valid `id`."""
 
     def __init__(self, number: int, reason: str) -> None:
         super().__init__(f"The message was not understood: {reason}")
@@ -35,7 +35,7 @@ MODELS: list[type[Request]] = []
 
 
 def request(handler: Handler) -> Handler:
-    """Register `handler` for requests whose `type` is its name. Its parameters after the session are the fields."""
+    """Register `handler` for requests whose `type` is its name. The fields are its parameters after `session`."""
     name, hints = handler.__name__, get_type_hints(handler, include_extras=True)
     _, *parameters = signature(handler).parameters.values()
     fields: dict[str, Any] = {

@@ -26,7 +26,7 @@ LONGEST_STEM = 80  # characters
 
 
 def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
-    """Write a file of the format `kind` into `folder`. Return its path, and the report if it is an animation or a rig.
+    """Write a file of the format `kind` into `folder`. Return its path and a report, empty for most formats.
 
     `name` is the name of the shape, and `poses` are the key poses of the timeline.
 
@@ -35,7 +35,7 @@ def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messa
     """
     path, report = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
     if kind == "edit":
-        write_edit(path, deformer.edit, deformer.mesh)  # the file contains no path of this machine
+        write_edit(path, deformer.edit, deformer.mesh)  # without `field`, no path of this machine is written
     elif kind == "field":
         deformer.field.save(path)
     elif kind == "animation":

@@ -1,4 +1,4 @@
-"""Find the parts of a shape that a handle can move. The mask that limits a handle can also be a part."""
+"""Find the parts of a shape that a handle can move, or to which a mask can limit the handle."""
 
 from functools import cached_property
 from typing import Any
@@ -29,7 +29,7 @@ class ShapeParts:
 
     @property
     def ways(self) -> tuple[PartChange, ...]:
-        """Return the changes that this shape allows. For example, "material" needs several materials."""
+        """Return the changes of a region that this shape allows. For example, "material" needs several materials."""
         several = (name for name, label in self._labels.items() if label.min() < label.max())
         return ("smaller", "larger", "add", "remove", *several)
 
@@ -73,7 +73,7 @@ class ShapeParts:
         return found
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the part at a vertex that is next smaller or next larger than the handle's present region."""
+        """Return the next smaller or next larger part at a vertex, compared with the handle's present region."""
         alike = handle.controls.counterparts != "only"
         levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
         region = handle.place.region

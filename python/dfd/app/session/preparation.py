@@ -43,7 +43,7 @@ _DISTILLING = threading.Lock()  # locked while a distillation runs: two at the s
 
 
 class Preparation:
-    """The background work for the shape of a session. `source` is the file or the sample that contains the shape.
+    """The background work for the shape of a session. The shape was read from `source`, a file or a sample.
 
     Progress and results are passed to methods of the session, which are called on the session's thread.
     """
@@ -58,7 +58,7 @@ class Preparation:
         self._last_progress: tuple[str, float] = "", 0.0  # the stage and the time of the last progress message
 
     def start(self, task: str, work: Callable[..., None], *arguments: Any) -> None:
-        """Call `work`, one of the methods below, on a new thread. If `work` fails, the session gets the exception."""
+        """Call `work`, a method of this class, on a new thread. If `work` fails, the session gets the exception."""
         if task == "distill":
             self._stopped.clear()
 
@@ -93,7 +93,7 @@ class Preparation:
             self._tell(self._session.tell_progress, task, stage, done, total, left)
 
     def find(self) -> None:
-        """Open the shape's field from the cache. If the cache has none, distill it."""
+        """Open the shape's field from the cache. If the cache has none, distill a field."""
         from dfd.distillation.distill import find_distilled
         from dfd.distillation.settings import DistillSettings
 
@@ -180,7 +180,7 @@ class Preparation:
 
 
 def seconds_left(stage: str, done: int, total: int | None, elapsed: float) -> float | None:
-    """Estimate the remaining seconds of a distillation after `done` of `total` items of `stage`. None means unknown."""
+    """Estimate the remaining seconds of a distillation after `done` of `total` items of `stage`; None if unknown."""
     if stage not in USUAL_SECONDS:
         return None
     names = list(USUAL_SECONDS)

@@ -75,7 +75,7 @@ def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
-    """Pose the shape by the edit. `transforms` replace the transforms of the handles that they name.
+    """Compute the posed shape. `transforms` replace the edit's transforms of the handles that they name.
 
     Answer: `positions`. Only the newest `compute` is answered.
     """
@@ -87,7 +87,7 @@ def compute(session: Session, transforms: PoseTransforms | None = None) -> Array
 
 @request
 def features(session: Session) -> ArrayAnswer:
-    """Color the vertices by the principal directions of their features. Answer: `colors`."""
+    """Compute colors of the vertices from three principal components of their features. Answer: `colors`."""
     colors = np.rint(feature_colors(session.deformer.features) * 255).astype(np.uint8)
     return messages.ColorsMessage(), {"colors": np.pad(colors, ((0, 0), (0, 1)), constant_values=255)}
 
@@ -139,7 +139,7 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Change the region of a handle, and also the mask if it is the handle's part. "add" and "remove" need `vertex`.
+    """Change the region of a handle. A mask that is the handle's part changes, too. "add" and "remove" need `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
@@ -181,7 +181,7 @@ def move(
         if changed:
             deformer.change(handle, **changed)
 
-    session.change(work, ("handle", handle), merge=merge)  # `Deformer.move` has the same topic
+    session.change(work, ("handle", handle), merge=merge)  # `Deformer.move` uses the same topic, so both merge
 
 
 @request

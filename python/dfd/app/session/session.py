@@ -66,7 +66,7 @@ class Session:
             self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
 
     def begin(self) -> None:
-        """Open the files of the options when the first page connects."""
+        """Open the files in the options. Called when the first page connects."""
         try:
             self.open(self.options)
         finally:
@@ -248,7 +248,7 @@ class Session:
 
     @property
     def deformer(self) -> Deformer:
-        """Return the editing session; raise ValueError as `require` does."""
+        """Return the editing session; raise ValueError if no shape is open, or the shape has no field yet."""
         return self.require().deformer
 
     def change(self, work: Callable[[Deformer], object], topic: Hashable = None, *, merge: bool = False) -> None:
@@ -269,7 +269,7 @@ class Session:
         self.tell_state()
 
     def run_deferred(self) -> None:
-        """Send the state if Python code changed the edit. Send the report of a new edit. Called between requests."""
+        """Between requests, send the state if Python code changed the edit, and send the report if the edit is new."""
         editing = self.editing
         if editing is None:
             return

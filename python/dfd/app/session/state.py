@@ -1,4 +1,4 @@
-"""Collect the data that the page shows of a shape with a field: handles, and the columns of weights that move it."""
+"""For a shape with a field, collect the data that the page shows: the handles and their columns of weights."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,13 +31,13 @@ class Editing:
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
-        self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the values
+        self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
-        """Return the columns of each handle, and the values of the new columns, (V,) by identifier.
+        """Return the columns of each handle, and a dict from the identifiers of new columns to their values (V,).
 
-        New columns are those that the page does not have. The caller must send them, because `sent` now contains them.
+        The page does not have the new columns yet. The caller must send them, because `sent` now contains them.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
@@ -104,7 +104,7 @@ class Editing:
         return 0 if region is None else len(members(self.deformer.mesh, region))
 
     def check_drawable(self) -> None:
-        """Raise ValueError if a number in a transform exceeds 1e30, or the edit has no valid weights."""
+        """Raise ValueError if a number in a transform's matrix exceeds 1e30, or the edit has no valid weights."""
         deformer = self.deformer
         matrices = {f"handle {handle.id}": handle.matrix for handle in deformer.handles}
         if deformer.default is not None:

@@ -14,7 +14,7 @@ from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.assets import as_image
 from dfd.mesh.mesh import Mesh
 
-LONGEST_TEXTURE = 4096  # texels along the longest side; every graphics card supports it
+LONGEST_TEXTURE = 4096  # largest number of texels along a side; every graphics card supports it
 JPEG_QUALITY = 92
 
 Arrays = dict[str, NDArray[Any]]
@@ -73,10 +73,10 @@ def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
 
 
 def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
-    """Return unit normals of the `used` rows, (N, 3): normals of the file if they are valid, else smooth normals."""
+    """Return unit normals (N, 3) of the `used` rows: the normals in the file if they are valid, else smooth normals."""
     normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
-    if scene is None or len(vertex) != len(scene.vertex):  # with face colors, each face corner has its own row
+    if scene is None or len(vertex) != len(scene.vertex):  # with face colors, a row is a face corner
         return normals
     of_file = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:
@@ -99,7 +99,7 @@ def _material_runs(material_of: Int32) -> tuple[Group, ...]:
 def _encode_texture(texture: UInt8) -> tuple[bytes, str]:
     """Return a texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
     image, stream = as_image(texture), io.BytesIO()
-    image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))  # only shrinks
+    image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))  # does not enlarge
     kind = "jpeg" if image.mode == "RGB" else "png"
     image.save(stream, kind, quality=JPEG_QUALITY, subsampling=0, compress_level=1)
     return stream.getvalue(), f"image/{kind}"

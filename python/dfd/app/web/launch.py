@@ -1,4 +1,4 @@
-"""Start and stop the app's server. Its address contains a secret token, and its files are deleted when it ends."""
+"""Run the app's server. Its address contains a secret token. When the server ends, it deletes the sessions' files."""
 
 import html
 import signal
@@ -20,9 +20,9 @@ DEFAULT_PORT = 8765
 
 
 class RunningApp:
-    """A server of the app. `start` serves on a new thread, and `run` on the current thread. Port 0 is any free port.
+    """A server of the app. `start` runs it on a new thread, `run` on the current thread. Port 0 selects any free port.
 
-    Web pages of the origins `frame_ancestors` may show the app in a frame.
+    Web pages from the origins `frame_ancestors`, such as "http://localhost:*", may show the app in a frame.
 
     Raises OSError if the port is taken, or the host is not an address of this machine.
     """
@@ -41,7 +41,7 @@ class RunningApp:
         try:
             self._socket = socket.create_server((host, port), family=family, backlog=128)
         except OSError as error:
-            reason = (error.strerror or "").partition(" (while")[0]  # the rest repeats the address
+            reason = (error.strerror or "").partition(" (while")[0]  # the text after it repeats the address
             raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
         self.port = int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
@@ -65,7 +65,7 @@ class RunningApp:
     def redirecting_file(self) -> Path:
         """Write a page that redirects to `url`, and that only this user can read. Return its path.
 
-        The browser's command line is visible to all users, so it must not contain the token.
+        All users of the machine can see the command that opens the browser, so the token must not be in this command.
         """
         path = Path(self._root.name) / "open.html"
         path.touch(0o600, exist_ok=False)
@@ -75,7 +75,7 @@ class RunningApp:
     def run(self) -> None:
         """Serve until `stop` or a signal ends the server, then delete the files of all sessions."""
         if threading.current_thread() is threading.main_thread():
-            # uvicorn raises the signal again after its shutdown. The signal's default action would skip the cleanup.
+            # After its shutdown, uvicorn raises the signal again. The default action would skip the cleanup below.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             self.server.run(sockets=[self._socket])
@@ -84,7 +84,7 @@ class RunningApp:
             self._root.cleanup()
 
     def start(self) -> None:
-        """Serve on a thread; return once the server accepts requests."""
+        """Serve on a new thread. Return when the server accepts requests."""
         self._thread.start()
         while not self.server.started and self._thread.is_alive():
             self._thread.join(0.01)
@@ -130,17 +130,17 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
 
 
 class Frame:
-    """The page in a notebook cell, `height` pixels high. `url` is the page's address, for another browser tab."""
+    """The page in a notebook cell, `height` pixels high. Another browser tab can show the page at `url`."""
 
     def __init__(self, app: RunningApp, height: int) -> None:
         self.app, self.url, self._height = app, app.url, height
 
     def __repr__(self) -> str:
-        """Return the address, for places that do not show HTML."""
+        """Return the address, for programs that do not show HTML."""
         return f"Frame({self.url})"
 
     def _repr_html_(self) -> str:
-        # Browsers treat localhost and 127.0.0.1 as two sites and send no cookies to a frame of another site, so the
+        # Browsers treat localhost and 127.0.0.1 as two sites, and send no cookies to a frame of another site. So the
         # frame must use the host name of the notebook.
         address, name = html.escape(self.url), f"dfd-{self.app.port}"
         return (

@@ -56,7 +56,7 @@ class Rules:
         return _address(name) is not None or name in (socket.gethostname().lower(), socket.getfqdn().lower())
 
     def is_token(self, given: str | None) -> bool:
-        """Return whether `given` is the token, in a time that does not depend on `given`."""
+        """Return whether `given` is the token. The duration does not depend on where they differ."""
         return hmac.compare_digest((given or "").encode(), self.token.encode())
 
 
@@ -77,7 +77,7 @@ class Guard:
             self._headers["X-Frame-Options"] = "DENY"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or reject it."""
+        """Pass a request to the app, or reject it."""
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -107,7 +107,7 @@ class Guard:
             await send({"type": "websocket.close", "code": NOT_ALLOWED})
 
     def _check_origin(self, request: HTTPConnection) -> Response | None:
-        """Return a refusal if Host or Origin name another server, else None."""
+        """Return a refusal if the header Host or Origin names another server, or is required but missing; else None."""
         hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
         if len(hosts) != 1 or not self._rules.is_own_host(_without_port(hosts[0])):
             return PlainTextResponse("This server has another host name.", 421)
@@ -117,7 +117,7 @@ class Guard:
         return None
 
     def _admit(self, request: HTTPConnection) -> Response:
-        """Return a response: it sets the cookie if the request has the token, and otherwise refuses the request."""
+        """Return a response to a request without the cookie: set the cookie if the request has the token, or refuse."""
         if request.scope.get("method") == "GET":
             if self._rules.is_token(request.query_params.get("token")):
                 rest = request.url.remove_query_params("token").query

@@ -29,9 +29,9 @@ from dfd.app.web.tab import Outbox, Tab
 from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
-MESSAGE_BYTES = 1 << 20  # largest message of a page
-UPLOAD_BYTES = 1 << 30  # largest total size of an upload, unpacked
-MOST_UNATTENDED = 8  # largest number of sessions without a page; above it, the session whose page left first ends
+MESSAGE_BYTES = 1 << 20  # largest size of a message from a page, in bytes
+UPLOAD_BYTES = 1 << 30  # largest total size of the unpacked files of an upload, in bytes
+MOST_UNATTENDED = 8  # most sessions without a page; if there are more, sessions whose pages left first are ended
 
 
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
@@ -55,18 +55,18 @@ def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
 
 
 class Sessions:
-    """All sessions of one server, with folders in `root`, and the routes to them."""
+    """All sessions of one server, and the routes to them. Each session has its own folder in `root`."""
 
     def __init__(self, root: Path, options: SessionOptions, upload_bytes: int) -> None:
         self._root, self._options, self._upload_bytes = root, options, upload_bytes
-        self._tabs: dict[str, Tab] = {}  # by the names of their folders, in the order in which their pages left
+        self._tabs: dict[str, Tab] = {}  # by folder name, in the order in which the pages left
 
     def find(self, name: str | None) -> Tab | None:
-        """Return the tab of the session with a name, or None."""
+        """Return the tab of the session `name`, or None if there is no such session."""
         return self._tabs.get(name or "")
 
     def _open(self, name: str | None) -> Tab:
-        """Return the tab of the session with a name, or a new tab. All pages of a notebook's session share one tab."""
+        """Return the tab of the session `name`, or a new tab. All pages of a notebook's session share one tab."""
         if (found := self.find(name)) is not None:
             return found
         if self._options.deformer is not None and self._tabs:
@@ -141,7 +141,7 @@ class Sessions:
 
 
 async def _send_all(page: WebSocket, outbox: Outbox) -> None:
-    """Send the messages in `outbox` to the page. A number in `outbox` is a code; close the connection with it."""
+    """Send the messages in `outbox` to the page. If a message is a close code, close the connection with this code."""
     with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
         while not isinstance(message := await outbox.get(), int):
             await (page.send_text(message) if isinstance(message, str) else page.send_bytes(message))

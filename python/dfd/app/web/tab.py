@@ -15,18 +15,18 @@ from dfd.app.session.requests import answer
 from dfd.app.session.session import Session
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
-# Only the newest request of each of these types is answered, because older ones are for an old pointer or pose.
+# For each of these types, only the newest request is answered. Older ones are for an earlier pointer position or pose.
 NEWEST_ONLY = ("probe", "compute")
 REST_PAUSE = 0.2  # after this number of seconds without a request, the session does deferred work
 
-Outbox = asyncio.Queue[str | bytes | int]  # messages for a page; a number closes the page's WebSocket with this code
+Outbox = asyncio.Queue[str | bytes | int]  # messages to a page, or a close code, which closes the page's WebSocket
 
 
 class Tab:
-    """A session, the thread that does its work in order, and the page that shows it, if any.
+    """A session, the thread that does the session's work in order, and the page that shows the session, if any.
 
-    A session continues when its page is reloaded. `call` may be called on any thread. All other public methods are
-    called on the event loop.
+    A session continues when its page is reloaded. `call` may be called on any thread. All other public methods must
+    be called on the event loop.
     """
 
     def __init__(self, folder: Path, options: SessionOptions) -> None:
@@ -40,7 +40,7 @@ class Tab:
         threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
 
     def call(self, work: Callable[[], None]) -> None:
-        """Queue `work` for the session's thread. If `work` raises an exception, the page gets a `failure`."""
+        """Queue `work` for the session's thread. If `work` raises an exception, the page gets a `failure` message."""
         self._inbox.put(work)
 
     def ask(self, text: str) -> None:
@@ -60,7 +60,7 @@ class Tab:
         self.call(work)
 
     def _run(self) -> None:
-        """Do the work in the queue until the session ends, and deferred work while the queue is empty."""
+        """Do the work in the queue until the session ends. While the queue is empty, do deferred work."""
         while True:
             try:
                 work = self._inbox.get(timeout=REST_PAUSE)

@@ -31,8 +31,8 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     The mesh, the field and the edit get random names. All other files, such as textures of the mesh, keep their names.
     Files with unsafe names are left out.
 
-    Raises ValueError if no file can be opened, there is more than one mesh, the files are too large or too many, or a
-    ZIP file is damaged.
+    Raises ValueError if the files are too large or too many, a file occurs twice, or a ZIP file is damaged. Raises
+    ValueError if no file can be opened, there are several meshes, or there are several fields or edits without a mesh.
     """
     place = folder / secrets.token_hex(16)
     place.mkdir(parents=True)
@@ -52,7 +52,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
 
 
 class _Upload:
-    """The stored files of one upload. `paths` maps the name of a file in the upload to its path."""
+    """The stored files of one upload. `paths` maps each file's name in the upload to its path on disk."""
 
     def __init__(self, folder: Path, most_bytes: int) -> None:
         self.paths: dict[str, Path] = {}
@@ -67,7 +67,7 @@ class _Upload:
                         with archive.open(entry) as stream:
                             self.keep(entry.filename, stream)
         except UNREADABLE as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the path
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # contains no path
             raise ValueError(f"{_shown(name)} is damaged or not a zip that can be read: {reason}") from None
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
@@ -94,7 +94,7 @@ class _Upload:
         self.paths[original] = path
 
     def single(self, endings: Sequence[str], *, ignore_several: bool = False) -> OpenedFile | None:
-        """Return the only file with one of `endings`, or None. Several raise ValueError unless `ignore_several`."""
+        """Return the only file with one of `endings`, or None. Two or more raise ValueError unless `ignore_several`."""
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")

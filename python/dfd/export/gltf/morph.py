@@ -40,8 +40,8 @@ class MorphTargets:
 def targets_of(rig: Rig) -> MorphTargets:
     """Return the targets of a rig: one for each handle that moves, and one for the default transform D₀ if it moves.
 
-    If the rig has key poses, return one target for the edit and one for each key pose instead. Raises
-    ValueError if nothing moves and there is no key pose.
+    If the rig has key poses, return one target for the edit and one for each key pose instead. Raises ValueError if
+    nothing moves and there is no key pose.
     """
     if rig.poses:
         poses = list(rig.moments())

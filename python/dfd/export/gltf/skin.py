@@ -20,7 +20,7 @@ SET = 4  # number of influences in each pair of attributes JOINTS_n and WEIGHTS_
 
 
 def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
-    """Return the names of the first part with a skin and of the first with morph targets, None if there is none."""
+    """Return the names of the first part with a skin and the first part with morph targets; None if there is none."""
     if mesh.scene is None or mesh.scene.gltf is None:
         return None, None
     nodes, meshes = (objects(mesh.scene.gltf.header, name) for name in ("nodes", "meshes"))
@@ -100,7 +100,7 @@ def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin:
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:
-    """Return joints and weights (R, K) of R rows; K is a multiple of 4. `vertex` (R,) holds the vertices, or −1."""
+    """Return joints and weights (R, K) of R rows; K is a multiple of 4. `vertex` (R,) has each row's vertex, or −1."""
     count = skin.joints.shape[1]
     joints = np.zeros((len(vertex), -(-count // SET) * SET), np.int64)
     weights = np.zeros(joints.shape, np.float32)

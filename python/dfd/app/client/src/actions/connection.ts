@@ -15,7 +15,7 @@ const DISMISSALS: Record<number, string> = {
 
 const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;
-/** If more bytes than this number are unsent, sliders and drags wait before they send. */
+/** If more than this number of bytes wait to be sent, sliders and drags send no new requests. */
 const CONGESTED = 16_384;
 
 let socket: WebSocket | null = null;

@@ -39,13 +39,13 @@ export async function changePart(how: PartChange, vertex: number | null = null):
   if (!taken && resizes && store.get().link === "open") note(`There is no ${how} part here.`);
 }
 
-/** Switch whether the counterpart at `vertex` follows the handle. */
+/** Switch the counterpart at `vertex` on or off. If it is on, it follows the handle. */
 export function toggleCounterpart(handle: number, vertex: number): void {
   const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
   send({ type: "change", handle, controls: { excluded_counterparts: off.map((place) => place.vertex) } });
 }
 
-/** Convert painted weights to a region for requests: base64 of one bit per vertex, lowest bit of each byte first. */
+/** Convert painted weights to a region of a request: base64 of one bit per vertex, from the lowest bit of a byte. */
 export function regionOf(weights: Uint16Array): { mask: string } {
   const mask = new Uint8Array(Math.ceil(weights.length / 8));
   weights.forEach((weight, vertex) => {
@@ -60,9 +60,8 @@ export function suggest(): void {
   else note("Handles can be suggested after the features are learned.");
 }
 
-/** Milliseconds between two requests of a slider, and of a drag. */
-const SLIDER_INTERVAL = 80;
-const DRAG_INTERVAL = 50;
+const SLIDER_INTERVAL = 80; // milliseconds between two requests while a slider moves
+const DRAG_INTERVAL = 50; // milliseconds between two requests of a drag
 /** After this many milliseconds without a request, the next request is a new undo step. */
 const GESTURE = 1000;
 
@@ -74,7 +73,7 @@ interface Gesture {
 
 const gestures = new Map<string, Gesture>();
 
-/** Call the newest `request` of a `key` once per `interval`, with true if it must join the previous undo step. */
+/** Call the newest `request` of `key` at most once per `interval` milliseconds. `merge` joins the last undo step. */
 export function throttle(key: string, request: (merge: boolean) => unknown, interval = SLIDER_INTERVAL): void {
   const gesture = gestures.get(key) ?? { timer: 0, sent: -Infinity, send: request };
   gestures.set(key, gesture);
@@ -127,7 +126,7 @@ function sendDrag(own: Drag, settle: boolean): number {
   const request = send({ type: "move", handle, transform, controls, merge: begun, settle });
   own.begun = true;
   own.controls = {};
-  // If the shader does not support the blend, the server computes the pose.
+  // The server computes poses that the shader does not support.
   if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
@@ -195,7 +194,7 @@ export function seenTransforms(): PoseTransform[] | null {
   return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
 }
 
-/** Show a change of a handle before the server confirms the change. `request` is the `id` of the request with it. */
+/** Show a change of a handle before the server confirms it. The `id` of the request for this change is `request`. */
 export function showAhead(handle: number, part: Partial<Ahead>, request: number): void {
   const ahead = new Map(store.get().ahead);
   ahead.set(handle, { ...ahead.get(handle), ...part, request });

@@ -5,7 +5,7 @@ import { send } from "./connection";
 import { seenTransforms, throttle } from "./edit";
 
 export function follow(): void {
-  // Ask for the counterparts of the selected handle when they may have changed.
+  // Request the counterparts of the selected handle when they may have changed.
   store.watch(
     (state) => {
       const handle = selectedHandle(state);
@@ -16,7 +16,7 @@ export function follow(): void {
     },
     (wanted) => wanted && send({ type: "counterparts", handle: wanted[0] }),
   );
-  // Ask for the pivots and the axis of the selected handle when the gizmo needs them.
+  // Request the pivots and the axis of the selected handle when the gizmo needs them.
   store.watch(
     ({ gizmo, selected, dragging, edit }) =>
       gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const),
@@ -26,7 +26,7 @@ export function follow(): void {
     (state) => state.look === "features" && ready(state) && state.mesh,
     (wanted) => wanted && send({ type: "features" }),
   );
-  // If the shader does not support the pose, ask the server for it after every change. During a drag, `sendDrag` asks.
+  // The server computes poses that the shader does not support. During a drag, `sendDrag` requests these poses.
   store.watch(serverPoses, (on) => {
     if (!on) store.set({ posed: null });
   });

@@ -8,7 +8,7 @@ import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
-/** The keys as the help shows them, and their action `run`. With `everywhere`, they also work on the start page. */
+/** Keys, spelled as in the help, and the action `run`. With `everywhere`, the keys also work on the start page. */
 export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
@@ -46,7 +46,7 @@ function cycle(by: number): void {
   edit.select(ids[(at + by + ids.length) % ids.length]);
 }
 
-/** Add a handle at the first free suggestion, for users without a pointer. */
+/** Add a handle at the first suggestion without a handle, for users without a pointer. */
 function holdNext(): void {
   const { suggestions, edit: known } = store.get();
   const free = suggestions.find(({ vertex }) => !known?.handles.some((handle) => handle.vertex === vertex));

@@ -74,7 +74,7 @@ export function receive({ message, payload }: Received): void {
   }
 }
 
-/** Hide a change that the server refused. */
+/** Hide the unconfirmed changes of handles if the server refused the request that contains them. */
 function hideRefused(request: number): void {
   const { ahead } = store.get();
   const kept = [...ahead].filter(([, part]) => part.request !== request);

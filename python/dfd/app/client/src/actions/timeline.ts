@@ -85,7 +85,7 @@ export function play(): void {
   const begun = performance.now();
   const frame = () => {
     if (!store.get().playing) return;
-    // The poses repeat until the user stops them.
+    // The animation repeats until the user stops it.
     const gone = from - start + (performance.now() - begun) / 1000;
     scrub(start + (gone % Math.max(end - start, 1e-3)));
     requestAnimationFrame(frame);

@@ -124,7 +124,7 @@ interface BendProps {
 
 const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
-/** The bend and the twist of the held part. */
+/** The bend and the twist of the handle's part. */
 function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
   const degrees = Math.hypot(...bend);
   // The server chooses the direction of the first bend: up, or to the front.
@@ -189,7 +189,7 @@ const SIZES: readonly Way[] = [
   ["smaller", "Give the handle the next smaller part ([)"],
   ["larger", "Give the handle the next larger part (])"],
 ];
-/** Units of the file that a handle can move as a whole. */
+/** Regions, other than parts, that a handle can move. */
 const UNITS: readonly Way[] = [
   ["scene_part", "Give the handle the whole scene part"],
   ["material", "Give the handle all faces with this material"],

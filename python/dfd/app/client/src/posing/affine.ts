@@ -96,7 +96,7 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Interpolate transforms linearly, but rotations along the shorter arc. Axes and joint are those of `b`. */
+/** Interpolate rotations along the shorter arc, other values linearly. Axes, joint and `pivotAt` are those of `b`. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {

@@ -10,7 +10,7 @@ export interface PartEnds {
   readonly tip: Vec3;
 }
 
-/** If a part bends over its length, the line from base to tip rotates by this fraction of the tip's angle. */
+/** If a part bends along its whole axis, the line from base to tip rotates by this fraction of the tip's angle. */
 const LINE_SHARE = 0.44;
 const MOST_DEGREES = 300;
 
@@ -21,7 +21,7 @@ export function bentTip({ base, tip }: PartEnds, bend: Vec3, joint: number | nul
   return out.add(new Vector3(...base)).toArray();
 }
 
-/** Return the bend, a rotation vector in degrees, that turns the line from base to tip towards a point. */
+/** Return the rotation vector, in degrees, of the bend that turns the line from base to tip towards a point. */
 export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number | null): Vec3 {
   const [from, to] = [tip, point].map((end) => new Vector3(...end).sub(new Vector3(...base)));
   const about = new Vector3().crossVectors(from, to);
@@ -31,7 +31,7 @@ export function bendTowards({ base, tip }: PartEnds, point: Vec3, joint: number 
   return about.multiplyScalar(Math.min(degrees, MOST_DEGREES) / size).toArray();
 }
 
-/** Return `LINE_SHARE`, or a larger share if a joint near the base rotates most of the part by the full angle. */
+/** Return `LINE_SHARE`. If a joint near the base rotates most of the part by the full angle, return a larger share. */
 function lineShare(joint: number | null): number {
   return joint === null ? LINE_SHARE : Math.max(1 - joint, LINE_SHARE);
 }

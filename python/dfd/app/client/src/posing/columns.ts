@@ -52,7 +52,7 @@ export function height({ normal, offset }: Omit<Mirror, "band">, point: Vec3): n
   return new Vector3(...normal).dot(new Vector3(...point)) - offset;
 }
 
-/** Return how much the motion of the positive side counts at a point: 1 or 0 outside the band, smooth inside it. */
+/** Return the weight of the positive side's motion at a point: 0 or 1 outside the band, and a smoothstep inside it. */
 function positiveShare(mirror: Mirror, point: Vec3): number {
   const above = height(mirror, point);
   if (mirror.band === 0) return above >= 0 ? 1 : 0;

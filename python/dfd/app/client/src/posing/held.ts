@@ -10,9 +10,9 @@ export interface Surface {
   readonly areas: Float64Array;
 }
 
-/** The weight below which a motion is not visible. */
+/** Motions with a weight below this number count as not visible. */
 export const LEAST_SEEN = 0.05;
-/** Largest number of samples; it is enough for whole percents. */
+/** Largest number of sampled vertices. It is enough for shares in whole per cent. */
 const MOST_SAMPLES = 5_000;
 
 /** Sample at most `most` of `count` vertices. The mesh has `positions` (R, 3), `triangles` (F, 3), `vertexOf` (R). */

@@ -29,7 +29,7 @@ export class Payload {
     return name in this.entries;
   }
 
-  /** Return an array without a copy. Throws if the array has another type, or is not completely in the message. */
+  /** Return an array without a copy. Throws if the array is missing or incomplete, or has another type. */
   get<Type extends keyof Arrays>(name: string, dtype: Type): InstanceType<Arrays[Type]> {
     const entry = this.entries[name];
     if (!entry) throw new Error(`The server's message has no array '${name}'.`);

@@ -1,7 +1,7 @@
 // Eq. 1 and 8 for one vertex, as in `src/posing/columns.ts`. MIRROR, DEFAULT and TURNED are defined if the scene needs
 // them. They are not uniforms, because renderers on the CPU evaluate both branches of an `if`.
 
-uniform highp usampler2DArray weights; // one layer per column; vertex i is texel (i % 4096, i / 4096)
+uniform highp usampler2DArray weights; // vertex i is texel (i % 4096, i / 4096) of a layer
 uniform highp sampler2D columns;       // 7 texels per column, see `pose_textures.ts`
 uniform int columnCount;
 uniform mat4 defaultTransform; // D₀
@@ -20,7 +20,7 @@ vec4 entry(int texel, int k) {
   return texelFetch(columns, ivec2(texel, k), 0);
 }
 
-// Return how much the motion of the positive side counts at a point: 1 or 0 outside the band, smooth inside it.
+// Return the weight of the positive side's motion at a point: 0 or 1 outside the band, and a smoothstep inside it.
 float positiveShare(vec3 point) {
   float height = dot(point, mirror.xyz) - mirror.w;
   if (mirrorBand == 0.0) return height >= 0.0 ? 1.0 : 0.0;

@@ -1,4 +1,4 @@
-// Write the pose of each row to buffers. Nothing is drawn.
+// Write the pose of each row, a vertex with one normal, to buffers. Nothing is drawn.
 in vec3 rest;
 in vec3 restNormal;
 in uint vertex; // vertex of the row

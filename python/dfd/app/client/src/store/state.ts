@@ -72,9 +72,9 @@ export const CLOSED = {
   /** The painted region: weights of 0 or 65535, (V), and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   suggestions: [] as readonly Suggestion[],
-  /** The counterparts of the selected handle. */
+  /** The places of the selected handle and its counterparts. */
   similar: null as SimilarMessage | null,
-  /** The pivots and the axis of the selected handle. */
+  /** The possible pivots of the selected handle, and the axis of its part. */
   axis: null as AxisMessage | null,
   report: null as ReportMessage | null,
   tool: "hold" as Tool,
@@ -104,10 +104,10 @@ const INITIAL = {
   timeline: false,
   inspector: true,
   help: false,
-  /** The radius of the brush, as a fraction of the shape's size. */
+  /** The radius of the brush, as a fraction of the diagonal of the shape's bounding box. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
-  /** What the user wants to see, or the name of a view. Each command of the user is a new object. */
+  /** The newest command for the camera: show the shape or the handle's part, or look from a direction. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
   /** Whether only the part of the selected handle is shown. */

@@ -20,7 +20,7 @@ export function createStore<State extends object>(initial: State) {
       // A listener may remove itself or another listener.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    /** Call `listener` when the result of `select` or an element of it changes. The returned function ends this. */
+    /** Call `listener` when the result of `select` or an element of this result changes. Return a function to stop. */
     watch,
     /** Call `listener` when one key changes. */
     on<Key extends keyof State>(key: Key, listener: (part: State[Key]) => unknown): () => void {

@@ -60,7 +60,7 @@ export class Picker {
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.posed.read(), shape.positions];
-    // A vertex is visible if the surface at its pixel is less than 4 pixels away; `near` is 4 pixels at distance 1.
+    // A vertex is visible if the surface at its pixel is less than 4 pixels away. `near` spans 4 pixels at depth 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
     const at = new Vector4();

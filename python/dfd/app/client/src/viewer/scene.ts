@@ -25,7 +25,7 @@ export function columnMatrix(handle: Placed, { frame, position }: ColumnState): 
   const turn = back.clone().transpose();
   const pivot = transform.pivot ?? held;
   const matrix = relative(matrixOf(transform, held), pivot).premultiply(turn).multiply(back);
-  // In its frame, the counterpart's vector from pivot to position equals the handle's vector from pivot to position.
+  // In the counterpart's frame, the vector from pivot to position has the same coordinates as at the handle.
   return relative(matrix, subtract(apply(turn, subtract(held, pivot)), position));
 }
 

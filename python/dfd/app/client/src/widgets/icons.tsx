@@ -1,4 +1,4 @@
-/** Icons of lines in the color of the text, on a grid of 20 × 20. */
+/** Icons made of lines in the color of the text. Coordinates are from 0 to 20. */
 
 const PATHS = {
   hold: "M10 3v4M10 13v4M3 10h4M13 10h4M10 8.5a1.5 1.5 0 1 0 0 3 1.5 1.5 0 0 0 0-3",

@@ -23,7 +23,7 @@ interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
-  /** The ends of the held part's axis in bend mode; null in other modes. */
+  /** In bend mode, the ends of the axis of the handle's part; null in other modes. */
   readonly ends: PartEnds | null;
   /** Whether only the pivot moves. */
   readonly pivoting: boolean;
@@ -86,7 +86,7 @@ export class Gizmo {
       .add(new Vector3(...center))
       .toArray();
     if (ends) {
-      // The transform acts after the bend, so its inverse gives the tip of the bend.
+      // The transform acts after the bend, so the inverse transform gives the tip of the bent part.
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }

@@ -40,7 +40,7 @@ export class PosePass {
   /** Whether the buffers contain the present pose. */
   private fresh = false;
 
-  /** Takes resting positions (R, 3), normals (R, 4) of length 32767, and the vertex of each row (R). */
+  /** Takes the arrays of a `MeshMessage`: resting positions (R, 3), normals (R, 4) and the vertex of each row (R). */
   constructor(
     private readonly renderer: WebGLRenderer,
     positions: Float32Array,
@@ -163,7 +163,7 @@ export class PosePass {
     this.programs.forEach(({ program }) => gl.deleteProgram(program));
   }
 
-  /** Create and bind a buffer with this content, or of this many bytes. */
+  /** Create and bind a buffer with the content `data`. If `data` is a number, it is the size in bytes. */
   private filled(data: Float32Array | Int16Array | Uint32Array | number): WebGLBuffer {
     const { gl } = this;
     const buffer = gl.createBuffer();

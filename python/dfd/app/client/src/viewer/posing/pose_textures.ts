@@ -1,4 +1,4 @@
-/** The textures of the pose shader: a layer of `weights` and a row of `columns` for each `Column` of the scene. */
+/** The textures of the pose shader. Each `Column` of the scene has a row of `columns` and a layer of `weights`. */
 
 import {
   DataArrayTexture,
