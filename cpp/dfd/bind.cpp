@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t grain_products = std::size_t{1} << 19;
 constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // smaller weight matrices are written through the caches
 constexpr std::size_t streamed_columns = 64;                  // so are matrices of fewer contiguous columns
-constexpr std::size_t most_byte_dimensions = 33'000;          // with more dimensions, squared distances can exceed 32 bits
+constexpr std::size_t most_byte_dimensions = 33'000;          // with more dimensions, a square can exceed 32 bits
 
 // Returns the number that the bits of a float16 represent.
 double value_of(std::uint16_t half)

@@ -52,7 +52,7 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 }
 
 constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
-constexpr std::size_t few_columns = 4;  // largest number of columns for which single loads are faster than transpositions
+constexpr std::size_t few_columns = 4;  // single loads are faster than transpositions for at most this many columns
 
 // Writes 16 rows of `columns` floats to `out` (columns, 16). In `rows`, a row begins `stride` floats after the
 // previous row. If `count` is below 16, copies of row `count` - 1 replace the missing rows.

@@ -73,7 +73,7 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part.
+    R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the handle's part.
 
     Raises ValueError if an attribute has a wrong array shape or is not finite, a rotation is the quaternion 0 or
     outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given

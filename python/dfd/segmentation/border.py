@@ -1,4 +1,4 @@
-"""Move the border of a part to nearby creases by a minimum cut, close a part, and find its connected components.
+"""Move the border of a part to nearby creases by a minimum cut, close the part (see `closed`), and find its components.
 
 A patch is a group of mesh nodes. A mesh node is a group of nearby vertices (`dfd.geometry.coarse`).
 """

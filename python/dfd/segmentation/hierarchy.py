@@ -34,8 +34,8 @@ CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`, because p
 # `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
 # the saliency LEAST_WITHIN.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# The likelihood of a tree node is multiplied by s ** HELD_BEYOND, where the node contains the share s of the surface
-# beyond the handle (`Distal`). For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
+# If a tree node contains the share s of the surface beyond the handle (`Distal`), the tree node's likelihood is
+# multiplied by s ** HELD_BEYOND. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
 HELD_BEYOND, SALIENT = 3.0, 0.5
 SHORT = 0.2  # added to border lengths, in bounding-box diagonals, because short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
@@ -56,9 +56,10 @@ class Hierarchy:
         (T, P) whether a patch belongs to a tree node.
     area, border
         (T,) area of each tree node as a share of the surface, and length of its borders in bounding-box diagonals.
-    concavity, step
-        (T,) mean concavity along the borders, in [0, 2]; and increase of the merge distance from a tree node to its
-        parent, relative to the parent's merge distance, in [0, 1].
+    concavity
+        (T,) mean concavity along the borders, in [0, 2].
+    step
+        (T,) (M − m) / (M + `EVEN`), in [0, 1): m is a tree node's merge distance, and M its parent's.
     cut
         The clearest cut: the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
     clear
@@ -208,7 +209,6 @@ class Hierarchy:
         return float(length) / self._components(node)[1]
 
     def _components(self, node: int) -> tuple[Float64, int]:
-        """Return `components_and_borders` of a tree node."""
         key = self._keys[node]
         if key not in self._known_components:
             self._known_components[key] = components_and_borders(self._patches, self.inside[node])
