@@ -145,8 +145,8 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns approximately the largest distance between two connected vertices. In each component, distances are
-    /// computed from three vertices: from any vertex, from the farthest vertex, and from the vertex farthest from that.
+    /// Returns approximately the largest distance between two connected vertices. Each component is
+    /// measured from three vertices: any vertex, the one farthest from the first, and the one farthest from the second.
     double find_extent() const
     {
         constexpr int sweeps = 3;

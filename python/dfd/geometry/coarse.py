@@ -130,7 +130,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh. Calls with the same mesh return the same object."""
+    """Return the nodes of a mesh. Calls with one mesh return one object, as long as this object is in use."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:

@@ -12,7 +12,7 @@ from dfd.mesh.mesh import Mesh
 
 _FLAT = 1e-3  # a shape is flat if its bounding box's shortest side, divided by the longest, is below this
 _FAR = 1e4  # a shape is far from the origin if its largest coordinate, divided by the longest side, is above this
-_COARSE = 0.1  # faces are large if the median edge length, divided by the box's diagonal, is above this
+_COARSE = 0.1  # faces are large if the median edge length, divided by the bounding box's diagonal, is above this
 
 
 @dataclass(frozen=True)

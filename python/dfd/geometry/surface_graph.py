@@ -60,7 +60,7 @@ def surface_links(mesh: Mesh) -> Int32:
 
 
 def _scaled(mesh: Mesh) -> tuple[float, Float64]:
-    """Return the longest side of the mesh's box, and the vertices (V, 3) divided by it, so that no square overflows.
+    """Return the longest side of the bounding box, and the vertices (V, 3) divided by it, so that no square overflows.
 
     Raises ValueError if lengths overflow.
     """

@@ -12,7 +12,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
-    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if it already is one."""
+    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if it already is such an array."""
     points = tensors.shared(function, "vertices", vertices)
     given = points.dtype.newbyteorder("=") if isinstance(points, np.ndarray) else None
     dtype = np.float32 if given in (np.float32, np.float16) else np.float64

@@ -27,8 +27,8 @@ LEAST_AREA, MOST_AREA = 0.002, 0.95  # smallest and largest area of a part, as s
 LEAST_COMPONENT = 0.005
 LEAST_CUT_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 SIMILAR = 1.4  # two areas or lengths are similar if the larger divided by the smaller is at most this
-# In `held`, an ancestor can replace the best tree node if its smallest component has at least EQUAL times the area of
-# its largest component, and its likelihood is at least STILL_LIKELY times that of the best tree node.
+# In `held`, an ancestor can replace the best tree node. The area of the ancestor's smallest component must be at least
+# EQUAL times that of its largest, and its likelihood at least STILL_LIKELY times the likelihood of the best tree node.
 EQUAL, STILL_LIKELY = 0.8, 0.15
 CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`, because parts that people name do not overlap
 # `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
@@ -179,7 +179,7 @@ class Hierarchy:
         part that the user means. The likelihood of a candidate increases with its saliency. If the saliency is below
         `SALIENT`, the likelihood also increases with the candidate's share of the surface beyond the handle, so a ring
         around a leg is unlikely. An ancestor with at least twice as many components, all of similar size, replaces the
-        candidate: hind wheels then follow front wheels.
+        candidate, so that hind wheels follow front wheels.
         """
         nodes, area = self.candidates(patch), self._patches.area
         whole = np.array([self.closed(node) for node in nodes])
@@ -241,7 +241,7 @@ class Hierarchy:
         return part
 
     def _measure_nodes(self) -> None:
-        """Set the attributes (T,) and (T, P), except `clear`."""
+        """Set the attributes that have an entry for each tree node, except `clear`."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         self.area, self.border = self._sums(patches.area), self._crossing(borders.length)

@@ -63,7 +63,7 @@ class Border(NamedTuple):
         """Return the width of the blend band, divided by its largest width, for a part that `affine` (3, 4) moves.
 
         If the border moves farther across `direction`, the band is wider, so that the surface in the band is less
-        steep. A motion along `direction` only lengthens the limb.
+        steep. A motion along `direction` only lengthens the limb, so the band stays narrow.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         moved -= (moved @ self.direction)[:, None] * self.direction

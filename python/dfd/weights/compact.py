@@ -21,7 +21,7 @@ BLOCK = 16  # number of vertices that the kernels read together
 BATCH = 512  # number of rows that are projected together; they fit the cache of a core
 SPAN = 127  # largest absolute value of an 8-bit entry, in multiples of `CompactFeatures.step`
 DIRECTION_SAMPLE = 16_384  # largest number of vertices from which the principal directions are computed
-VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles whose weights are compared
+VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles in a `_Trial`
 SAFETY = 0.8  # a format is accepted if weights on the samples have an error of at most SAFETY times the tolerance
 
 Precision = Literal["int8", "float16"]
