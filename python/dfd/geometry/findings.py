@@ -79,4 +79,4 @@ def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:
     typical = float(np.median(edges)) / np.linalg.norm(mesh.extents / longest)
     if typical > _COARSE:
         means = "Weights are exact at the vertices, but a face cannot bend: subdivide the mesh before editing."
-        yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.", means
+        yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the bounding box.", means

@@ -24,7 +24,7 @@ SAMPLES = 4_000  # number of surface samples of the part, to which the curve is 
 # Each point of the curve is an average of samples, weighted by a Gaussian kernel. The kernel's standard deviation is
 # the larger of two values: WIDTH times the part's length, and WIDE times the part's radius.
 WIDTH, WIDE = 0.08, 0.5
-STOUT = 0.4  # above this ratio of radius to length, the parameters are scaled distances from the base
+STOUT = 0.4  # above this ratio of a part's radius to its length, parameters are scaled distances from the base
 ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no outlier sets the tip
 ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
 FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
@@ -34,7 +34,7 @@ SLENDER = 0.75  # the length of a limb, divided by its width, is above this
 # A wheel is a part with these variances along its principal axes: the middle variance is above ROUND times the largest,
 # and the smallest variance is below FLAT times the largest.
 ROUND, FLAT = 0.95, 0.7
-ATTACHED = 0.5  # a region beside a part is attached to it up to this share of the largest such region's area
+ATTACHED = 0.5  # regions beside a part are attached if their area is at most this share of the largest such region's
 SMALL_COMPONENT = 0.05  # components of a region have no axis if their area is at most this share of the largest one's
 
 

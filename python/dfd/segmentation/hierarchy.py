@@ -40,9 +40,9 @@ HELD_BEYOND, SALIENT = 3.0, 0.5
 SHORT = 0.2  # added to border lengths, in bounding-box diagonals, because short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
-# Two parts of several components are joined if each has at least the saliency SURE, their components and borders have
-# similar sizes, and they do not touch. The distance of their mean features must also be below LESS_APART times the
-# feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds of joining.
+# Two parts, each with several components, are joined if both have at least the saliency SURE, the sizes of their
+# components and borders are similar, and the parts do not touch. The distance of their mean features must also be below
+# LESS_APART times the feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds.
 SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
 EVEN = 0.05  # added to the divisor of `Hierarchy.step`, because small increases of small merge distances are noise
 

@@ -24,9 +24,9 @@ LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at
 # If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. At the border, they are 0.5. The
-# band is at most WIDEST times the diagonal of the bounding box wide, and at most WIDEST_OF_GIRTH times the girth of the
-# limb, which is the mean length of the part's borders. In a wider band, the surface of a moved part is less steep: with
-# half of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
+# band's width is at most WIDEST times the diagonal of the bounding box, and at most WIDEST_OF_GIRTH times the girth of
+# the part: the mean length of the part's borders. A wider band makes the surface of a moved part less steep. With half
+# of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
 WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
 # BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
 # that is at least LEAST_WIDTH times the displacement of the border across `Border.direction`. If all are smaller, the
