@@ -56,7 +56,7 @@ struct Constraints {
 /// For feature distance d, reach r and falloff f, the weight is first f(max(1 - d / r, 0)). A fixed point of strength s
 /// at feature distance d_p has the value s max(1 - d_p, 0). The largest value of all fixed points is subtracted from
 /// the weight, and a negative result becomes 0. Finally, the result is multiplied by (1 - g)^λ, for geodesic distance g
-/// and locality λ. All bits of a weight are independent of the number of threads, the vertex index and the other handles.
+/// and locality λ. All bits of a weight are independent of the thread count, the vertex index and the other handles.
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if array shapes disagree, a value is not finite, or a region is empty
 /// @throws std::invalid_argument if a distance, exponent, strength, reach or vertex is out of range, or `members` is
