@@ -52,7 +52,7 @@ void init_geodesics(nb::module_& m)
         "vertices"_a.noconvert(), "centers"_a.noconvert(), "of_vertex"_a.noconvert(), "starts"_a.noconvert(),
         "neighbors"_a.noconvert(), "chosen"_a.noconvert(), "values"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
         "Write `values` (N, K) of vertex clusters, interpolated at the vertices `chosen` (M), to `out` (M, K).");
-    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface that consists of faces and links.")
+    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of faces and links (pairs of vertices).")
         .def(
             "__init__",
             [](dfd::Geodesics* self, InputMatrix<double> vertices, Indices faces, Indices links,

@@ -19,7 +19,7 @@ inline void acquire_gil(PyThreadState* state)
 }
 
 /// Calls `work(poll)` without the GIL. `work` calls `poll` repeatedly. At most once per 100 ms, `poll` runs Python's
-/// signal handlers, such as that of Ctrl-C. If a handler raises an exception, `work` stops, and `unlocked` throws it.
+/// signal handlers, such as that of Ctrl-C. If a handler raises an exception, `work` stops and `unlocked` throws it.
 template <class Work>
 void unlocked(const Work& work)
 {

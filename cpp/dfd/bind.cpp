@@ -16,9 +16,9 @@ namespace {
 
 // Least number of products of feature entries per thread. With fewer, starting a thread takes longer than its work.
 constexpr std::size_t grain_products = std::size_t{1} << 19;
-constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // writes of smaller weight matrices use the caches
-constexpr std::size_t streamed_columns = 64;                  // writes of fewer contiguous columns use the caches
-constexpr std::size_t most_byte_dimensions = 33'000;          // with more, a squared distance can exceed 32 bits
+constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // smaller weight matrices are written through the caches
+constexpr std::size_t streamed_columns = 64;                  // so are matrices of fewer contiguous columns
+constexpr std::size_t most_byte_dimensions = 33'000;          // with more dimensions, a square can exceed 32 bits
 
 // Returns the number that the bits of a float16 represent.
 double value_of(std::uint16_t half)
@@ -78,7 +78,7 @@ public:
             }
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
-            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // so it subtracts no weight
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // so far that it has no effect
         rows = {rows_.data(),   squares_.data(),      quads_.data(),   pairs_.data(),
                 products_fit_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -143,7 +143,7 @@ std::vector<Power> powers_of(std::span<const float> locality)
     return powers;
 }
 
-// The strength of each fixed point, and the reach and member count of each handle. Empty inputs get the paper's values.
+// The strengths of fixed points, and the reach, falloff and point count of each handle. The default is as in the paper.
 struct PointSettings {
     std::vector<float> strengths;
     std::vector<Reach> reaches;
@@ -164,7 +164,7 @@ struct PointSettings {
         }
         reaches.resize(handle_count, {1, Falloff::linear});
         const auto differs = [](auto value) { return value != 1; };
-        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` makes these points ineffective
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // `PackedPoints` made strength 0 ineffective
         general |= std::any_of(strengths.begin(), strengths.end(), differs);
         general |= std::any_of(members.begin(), members.end(), differs);
     }
@@ -231,7 +231,7 @@ bool can_stream(const StridedMatrix<float>& weights)
            reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
 }
 
-// Throws unless all distances are in [0, 1], up to a rounding error. The kernels also report -0, but it is valid.
+// Throws if a distance is negative, NaN, or above 1 by more than rounding. The kernels also report -0, which is valid.
 void require_unit_interval(const Matrix<const float>& geodesic)
 {
     const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
@@ -294,7 +294,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     }, poll);
-    // The kernels report features whose squared length is not finite. It can also overflow if all entries are finite.
+    // The kernels report squared lengths that are not finite. For float32, these may be overflows of finite features.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
                                            features.dimension},

@@ -26,8 +26,8 @@ struct Features {
 
 /// Handles or fixed points, given as feature rows or as vertices of the shape.
 struct Points {
-    Matrix<const float> rows = {};                // (N, D) features; for bytes, integers -127 … 127: feature / scale
-    std::span<const float> offsets = {};          // (N) >= 0, added to the squared distances of each row; empty for 0
+    Matrix<const float> rows = {};                // (N, D) features; for bytes, feature / scale as integers -127 … 127
+    std::span<const float> offsets = {};          // (N) >= 0, added to squared distances to a row; empty if all are 0
     std::span<const std::int64_t> vertices = {};  // (N) vertex indices, given instead of `rows`
     std::span<const std::uint32_t> members = {};  // (H) number of consecutive points of each handle; a region has
                                                   // several. Empty if each point is a handle
@@ -36,7 +36,7 @@ struct Points {
     std::size_t handle_count() const { return members.empty() ? count() : members.size(); }
 };
 
-/// The reach of a handle in feature space, and its falloff.
+/// The reach of a handle in feature space, and the falloff of its weights (see `Falloff`).
 struct Extent {
     float reach = 1;  // > 0
     Falloff falloff = Falloff::linear;
@@ -54,9 +54,9 @@ struct Constraints {
 /// Computes the weight of each vertex for each handle by Eq. (4-7), in one pass over the features.
 ///
 /// For feature distance d, reach r and falloff f, the weight is first f(max(1 - d / r, 0)). A fixed point of strength s
-/// at feature distance d_p has the value s max(1 - d_p, 0). The largest of these values is subtracted, and a negative
-/// result becomes 0. Then (1 - g)^λ multiplies the result, for geodesic distance g and locality λ. All bits of a weight
-/// are independent of the number of threads, the index of the vertex and the other handles.
+/// at feature distance d_p has the value s max(1 - d_p, 0). The largest value of all fixed points is subtracted from
+/// the weight, and a negative result becomes 0. Finally, the result is multiplied by (1 - g)^λ, for geodesic distance g
+/// and locality λ. All bits of a weight are independent of the thread count, the vertex index and the other handles.
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if array shapes disagree, a value is not finite, or a region is empty
 /// @throws std::invalid_argument if a distance, exponent, strength, reach or vertex is out of range, or `members` is

@@ -24,7 +24,6 @@ std::vector<float> grouped(Matrix<const float> weight)
     return result;
 }
 
-/// Returns `values` (outputs) as a matrix (outputs, 1).
 Matrix<const float> column(std::span<const float> values) { return {values.data(), values.size(), 1}; }
 
 }  // namespace

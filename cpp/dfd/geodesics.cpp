@@ -145,7 +145,8 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns the largest distance in three sweeps per component, each from the farthest vertex of the previous one.
+    /// Returns approximately the largest distance between two connected vertices. Each component is
+    /// measured from three vertices: any vertex, the one farthest from the first, and the one farthest from the second.
     double find_extent() const
     {
         constexpr int sweeps = 3;
@@ -201,12 +202,13 @@ double Geodesics::extent() const { return impl_->extent; }
 
 void Geodesics::distances(std::span<const std::int64_t> sources, float separate, Matrix<float> out, int threads) const
 {
-    require(out.rows == sources.size() && out.columns <= vertex_count(), "geodesics: `out` must have shape (H, V)");
+    require(out.rows == sources.size() && out.columns <= vertex_count(),
+            "geodesics: `out` must have H rows and at most V columns");
     const auto inside = [this](std::int64_t source) {
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };
     require(std::all_of(sources.begin(), sources.end(), inside), "geodesics: `sources` must be vertex indices");
-    // The threads divide the sources among them or, if there is only one source, the vertices.
+    // Several sources are divided among the threads. If there is one source, the vertices are divided instead.
     const int source_threads = sources.size() > 1 ? threads : 1, row_threads = sources.size() > 1 ? 1 : threads;
     parallel_ranges(sources.size(), 1, source_threads, [&](std::size_t, std::size_t begin, std::size_t end) {
         for (std::size_t h = begin; h < end; ++h)

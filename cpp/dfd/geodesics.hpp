@@ -9,7 +9,7 @@
 
 namespace dfd {
 
-/// Distances along a surface from any of its vertices; the constructor prepares the data that all sources share.
+/// Distances along a surface from any of its vertices, the source. The constructor prepares data for all sources.
 ///
 /// A front propagates from vertex to vertex in order of distance. The distance of a triangle's third corner is computed
 /// from those of the other two corners, as if the source were a point in the triangle's plane. This is exact on flat

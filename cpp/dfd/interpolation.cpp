@@ -9,8 +9,8 @@
 namespace dfd {
 namespace {
 
-constexpr double radius_ratio = 1.1;   // r² divided by the largest d² (see the header); above 1, so that no weight is 0
-constexpr double added_weight = 1e-6;  // added to each weight
+constexpr double radius_ratio = 1.1;   // r² divided by the squared distance of the farthest center; see the header
+constexpr double added_weight = 1e-6;  // added to each weight (1 − d²/r²)² before the weights are divided by their sum
 
 void check(Matrix<const double> vertices, const Clusters& clusters, std::span<const std::int32_t> chosen,
            Matrix<const float> values, Matrix<float> out)

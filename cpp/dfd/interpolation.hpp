@@ -17,8 +17,8 @@ struct Clusters {
 
 /// Interpolates `values` (N, K) of the clusters at the vertices `chosen` (M), and writes the result to `out` (M, K).
 ///
-/// The value at a vertex is a weighted mean of the values of its cluster and of this cluster's neighbors. The weight of
-/// a cluster whose center is at distance d is (1 − d²/r²)². The radius r is slightly more than the largest d.
+/// The value at a vertex is a weighted mean of the values of its cluster and of this cluster's neighbors. A cluster
+/// whose center is at distance d from the vertex has the weight (1 − d²/r²)². The radius r is slightly above all d.
 /// @throws std::invalid_argument if array shapes disagree or an index is out of range
 void interpolate(Matrix<const double> vertices, const Clusters& clusters, std::span<const std::int32_t> chosen,
                  Matrix<const float> values, Matrix<float> out, int threads);

@@ -77,8 +77,8 @@ Displacement reflected(const Displacement& d, const Mirror& mirror)
     return result;
 }
 
-/// Negates the quaternion of `d` if its dot product with the quaternion of D_0 (`rest`) is negative. A blend of the two
-/// then follows the shorter rotation from one to the other.
+/// Negates the quaternion of `d` if its dot product with the quaternion of D_0 (`rest`) is negative. The blend
+/// of both quaternions then follows the shorter rotation from one to the other.
 void align(Displacement& d, const Displacement& rest)
 {
     double cosine = 0;
@@ -144,8 +144,8 @@ std::vector<T> narrowed(const std::vector<double>& numbers)
     return result;
 }
 
-/// The entries (see `entries_of`) that kernels blend. `rest` has those of D_0. `positive` and `negative` have those of
-/// the handles, for vertices on each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty.
+/// The entries (see `entries_of`) that kernels blend. `rest` has the entries of D_0. `positive` and `negative` have the
+/// handles' entries for vertices on each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty.
 template <class T>
 struct Tables {
     std::vector<T> rest, positive, negative, shares;

@@ -46,10 +46,10 @@ struct PoseArrays {
 /// Moves vertices by the blended transforms of Eq. (1), and of Eq. (8) if `motion.mirror` is set.
 ///
 /// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
-/// transforms are the identity, vertices keep all bits, unless overlap is `paper` and their weights sum to over 1.
+/// transforms are the identity, vertices keep all bits. With overlap `paper`, their weights must also sum to at most 1.
 ///
 /// With dual quaternions, a transform is split into a stretch about the handle's position, and a rigid motion that
-/// follows. The stretch of D_0 is about the first vertex. Overlap `paper` then has the same effect as `normalize`.
+/// follows. The stretch of D_0 is about the first vertex. Overlap `paper` has the effect of `normalize`.
 /// @throws std::invalid_argument if array shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true
 template <class T>

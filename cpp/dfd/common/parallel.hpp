@@ -73,7 +73,7 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 /// Calls `work(worker, begin, end)` for ranges that cover [0, `count`). The number of workers is at most `threads`, and
 /// at most `count` / `grain`. The length of each range except the last is a multiple of 16. Each worker gets several
 /// ranges, so that a slow worker hardly delays the result. A range has at most about 512 · `grain` indices, so that
-/// `poll` is called often. `work` must not throw. One worker does not use OpenMP, so that a forked process can compute.
+/// `poll` is called often. `work` must not throw. A single worker runs without OpenMP, and so also in a forked process.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})

@@ -131,7 +131,7 @@ Polar polar_decomposition(const Matrix3d& change)
     if (std::all_of(change.begin(), change.end(), [](double entry) { return entry == 0; })) return {{1, 0, 0, 0}, {}};
     Svd svd = singular_values(change);
     if (determinant(svd.u) * determinant(svd.v) < 0) {
-        Vector3d agreement;  // dot product of column j of U with column j of V; their sum is the trace of R
+        Vector3d agreement;  // dot product of column j of U with column j of V; the sum over j is R's trace
         for (std::size_t j = 0; j < 3; ++j) agreement[j] = dot(svd.u[j], svd.v[j]);
         const double trace = agreement[0] + agreement[1] + agreement[2];
         const auto least = std::min_element(agreement.begin(), agreement.end());

@@ -19,7 +19,7 @@ struct FreeAligned {
 using AlignedMemory = std::unique_ptr<void, FreeAligned>;
 
 /// Allocates memory, with large pages if `bytes` is large and the system has such pages. The system clears each page at
-/// its first access. With small pages, this takes longer than the kernel that fills the memory.
+/// its first access. With small pages, clearing takes longer than the kernel that fills them.
 inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;

@@ -38,7 +38,6 @@ struct Range {
     std::size_t begin, count;
 };
 
-// Writes the weights of a block for one handle to its column.
 DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Range& block, const Block& weights)
 {
     float* column = job.weights + handle * job.column_stride + block.begin;

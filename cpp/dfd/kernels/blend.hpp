@@ -63,7 +63,7 @@ struct AffineSum {
         return {row(0), row(4), row(8)};
     }
 
-    // Returns C · `normal` at unit length. C is the cofactor matrix of `one` · I plus the linear entries.
+    // Returns C · `normal` at unit length. C is the cofactor matrix of the sum `one` · I + linear entries.
     DFD_INLINE Vector3<T> transformed_normal(Vector<T> one, const Vector3<T>& normal) const
     {
         const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
@@ -87,7 +87,7 @@ struct RotationSum {
     {
         const Vector<T> real = entry[0] + T(1);
         const Vector3<T> imaginary{entry[1], entry[2], entry[3]};
-        // Quaternions of opposite rotations can add up to 0. This bound then makes the displacement 0.
+        // Quaternions of opposite rotations can add up to 0. In this case, the bound makes the displacement 0.
         constexpr T least = sizeof(T) == sizeof(float) ? T(1e-30f) : T(1e-200);
         scale = T(1) / sqrt(maximum(multiply_add(real, real, dot<T>(imaginary, imaginary)), splat(least)));
         w = real * scale;

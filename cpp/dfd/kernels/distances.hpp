@@ -134,7 +134,7 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
-                // The arithmetic is unsigned, because invalid squared lengths in the input can overflow.
+                // Unsigned, so that an overflow is defined: squared lengths in the input may be invalid.
                 const Bits square = (Bits)own + (Bits)splat(points.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
                 out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
                                           splat(points.offsets[first + j]));

@@ -22,7 +22,7 @@ static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0
 constexpr std::size_t row = field_points;
 
 // Writes the network's inputs (3 + 6 octaves, 48): coordinates, then the sines and cosines of each octave. The angles
-// double with each octave. Double-angle formulas give the sines and cosines, with negligible error in double precision.
+// double with each octave. So double-angle formulas give the next octave, with negligible error in double precision.
 void write_inputs(const FieldJob& job, std::size_t begin, std::size_t count, float* out)
 {
     constexpr double quarter_turn = 1.5707963267948966;
@@ -108,7 +108,7 @@ void normalize_layer(const FieldLayer& layer, float* values)
     }
 }
 
-// Scales the columns of `values` (D, 48) to unit length, and writes the first `count` as rows of `features` (count, D).
+// Scales the columns of `values` (D, 48) to unit length, and writes `count` columns as rows of `features` (count, D).
 void write_features(const FieldLayer& layer, float* values, float* features, std::size_t count)
 {
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {

@@ -69,7 +69,7 @@ struct BindJob {
     const void* features = nullptr;
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;
-    float scale = 1;                          // an int8 entry b is the feature entry b * scale
+    float scale = 1;                          // an int8 entry b stands for the feature entry b * scale
     PackedRows points;                        // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
     bool general = false;                     // whether `strengths`, `reaches` or `members` differ from the paper's
@@ -113,12 +113,12 @@ struct PoseJob {
     std::size_t handle_count = 0;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    bool stretched = false;            // whether dual quaternions come with a stretch
-    const T* positive = nullptr;       // (H, E) for the positive side of the mirror plane; E is `entries_of`
+    bool stretched = false;            // whether the entries of dual quaternions contain a stretch
+    const T* positive = nullptr;       // (H, E) for vertices on the mirror plane's positive side; E is `entries_of`
     const T* negative = nullptr;       // (H, E) for vertices on the negative side, or null without a mirror plane
     const T* rest = nullptr;           // (E) entries of D_0, or null for the identity
     const T* shares = nullptr;         // (H) factors s in the weight max(1 - Σ s_k W_k, 0) of D_0, or null if all are 1
-    T center[3] = {};                  // the point from which the transforms measure coordinates
+    T center[3] = {};                  // the point to which the coordinates of the transforms are relative
     T normal[3] = {};                  // unit normal of the mirror plane
     T height = 0;                      // signed distance of `center` from the mirror plane
     T steepness = 0;                   // 1 / (2 band) for the half width `band`, or 0 without a band

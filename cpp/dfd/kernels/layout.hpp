@@ -52,7 +52,7 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 }
 
 constexpr std::size_t line = 64 / sizeof(float);  // floats of a cache line
-constexpr std::size_t few_columns = 4;  // number of columns up to which single loads are faster than transpositions
+constexpr std::size_t few_columns = 4;  // single loads are faster than transpositions for at most this many columns
 
 // Writes 16 rows of `columns` floats to `out` (columns, 16). In `rows`, a row begins `stride` floats after the
 // previous row. If `count` is below 16, copies of row `count` - 1 replace the missing rows.
@@ -123,7 +123,7 @@ DFD_INLINE QuadFloat quad(V v)
     else return __builtin_shufflevector(v, v, 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
 }
 
-// Writes quad q of vector i to row 4 q + i, for each q from `Index` on. Only the first `Count` entries are written.
+// Writes quad q of vector i to row 4 q + i, for each q from `Index` on. Only `Count` entries of a quad are written.
 template <std::size_t Count, std::size_t Index = 0>
 DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride)
 {

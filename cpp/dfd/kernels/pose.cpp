@@ -169,8 +169,8 @@ DFD_INLINE void pose_block(const PoseJob<T>& job, const VertexData<T>& at, const
     }
 }
 
-// Poses vertices if there is one handle, and no mirror plane, D_0 or normals. Returns the end of the posed range. The
-// transform stays in registers, and its displacement is multiplied by the weight.
+// Poses vertices in the case of one handle without mirror plane, D_0 and normals. Returns the end of the posed range.
+// The handle's transform stays in registers. The displacement of a vertex is multiplied by the vertex's weight.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
 {

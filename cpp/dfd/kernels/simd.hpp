@@ -85,7 +85,7 @@ DFD_INLINE void copy(const T* from, std::size_t count, T* to)
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
 }
 
-// Prefetches `size` bytes that begin `ahead` bytes after `place`. They may lie beyond the end of the array. Memory to
+// Prefetches `size` bytes that begin `ahead` bytes after `place`. These bytes may lie beyond the array. Memory to
 // write is prefetched too, because a core reads a cache line before it changes the line.
 template <bool Write = false>
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
@@ -177,7 +177,7 @@ DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
 DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
 #endif
 
-// With AVX-512, a comparison of two vectors returns a mask register, otherwise a vector.
+// With AVX-512, a comparison of two vectors returns a mask register. Elsewhere, it returns a vector.
 #if defined(__AVX512F__)
 
 DFD_INLINE __mmask16 at_least(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ); }

@@ -15,7 +15,7 @@ constexpr double packing = 1.45;     // mean area of a sample's Voronoi cell, di
 constexpr double detour = 1.3;       // length of a path along edges, divided by distance along the surface (assumed)
 constexpr double same_place = 1e-5;  // links up to this length join coincident vertices; longer links cross gaps
 constexpr double support = 1.8;      // radius around a vertex, in sample spacings, outside which samples hardly matter
-constexpr double damping = 1e-2;     // damping of the fitted slope, relative to the sum of `importance`
+constexpr double damping = 1e-2;     // damping of slopes in `fit_weights`, divided by the sum of all `importance`
 
 using Point = std::array<double, 3>;
 
@@ -30,7 +30,7 @@ double apart(const Point& a, const Point& b)
     return std::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/// Returns all entry indices, sorted by vertex. Those of vertex v are result[first[v]] … result[first[v + 1] - 1].
+/// Returns the indices of all entries, sorted by `vertex_of(entry)`. The entries of vertex v begin at result[first[v]].
 template <class VertexOf>
 std::vector<std::uint32_t> group(std::size_t vertex_count, std::size_t entry_count, const VertexOf& vertex_of,
                                  std::vector<std::uint32_t>& first)
@@ -118,8 +118,8 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Computes `weights` (n) for values at `points` (n). The weighted sum of the values is the value at the origin of a
-/// linear function. The function is fitted to the values by least squares, in which each point has an `importance`.
+/// Computes `weights` (n) for a weighted sum of values at `points` (n). A linear function is fitted to the values by
+/// least squares, with the `importance` (n) of each point. The weighted sum is the function's value at the origin.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
     // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.

@@ -35,7 +35,7 @@ Surface surface_of(Matrix<const double> vertices, Matrix<const std::int32_t> fac
 Samples take_samples(const Surface& mesh, Matrix<const double> vertices, std::size_t count);
 
 /// Returns a surface whose vertices are the samples. Its triangles and links join samples whose Voronoi cells touch.
-/// `rings` receives the neighbors of each sample, except neighbors that only links across gaps join to the sample.
+/// `rings` receives the neighbors of each sample on the surface. It does not get neighbors across a gap.
 Surface voronoi_surface(const Surface& mesh, Matrix<const double> vertices, const Samples& samples,
                         std::vector<std::vector<std::int32_t>>& rings);
 

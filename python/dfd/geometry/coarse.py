@@ -42,12 +42,12 @@ class Share(NamedTuple):
 
 
 class Nodes:
-    """The nodes of a mesh: its vertices, or in a large mesh, groups of vertices that are connected within a grid cell.
+    """The nodes of a mesh. In a large mesh, a node is a group of vertices that are connected within a grid cell.
 
     Attributes
     ----------
     of_vertex
-        (V,) the node of each vertex.
+        (V,) the node of each vertex. In a mesh with at most `MOST_NODES` vertices, each vertex is a node.
     graph
         (N, N) distances between the centers of neighboring nodes, in mesh units.
     center
@@ -55,7 +55,7 @@ class Nodes:
     members, starts, ends
         The vertices of node n are `members[starts[n] : ends[n]]`.
     component
-        (N,) the connected component of the surface to which each node belongs, without bridges across gaps.
+        (N,) index of the surface component that contains each node. Bridges across gaps do not connect components.
     used
         (N,) whether the node's component has a face. Parts and counterparts consist only of such nodes.
     """
@@ -104,7 +104,7 @@ class Nodes:
         return found.reshape(len(chosen), *values.shape[1:])
 
     def nearest(self, points: ArrayLike) -> Int64:
-        """Return the nearest vertex (M,) to each of `points` (M, 3). Only vertices of the eight nearest nodes count."""
+        """Return the vertex (M,) nearest to each of `points` (M, 3). Only the eight nearest nodes are searched."""
         queries = np.reshape(points, (-1, 3)).astype(np.float64)
         around = self.tree.query(queries, k=min(8, len(self.center)))[1].reshape(len(queries), -1)
         found = np.empty(len(queries), np.int64)
@@ -120,7 +120,7 @@ class Nodes:
 
     @cached_property
     def _reach(self) -> csr_array:
-        """Return a matrix (N, N): row n is True for the nodes from which values in node n are interpolated."""
+        """Return a matrix (N, N): row n has the nodes from which values at node n's vertices are interpolated."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
         return reach
@@ -130,7 +130,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh. Calls with the same mesh return the same object."""
+    """Return the nodes of a mesh. Calls with one mesh return one object, as long as this object is in use."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:

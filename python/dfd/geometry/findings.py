@@ -12,7 +12,7 @@ from dfd.mesh.mesh import Mesh
 
 _FLAT = 1e-3  # a shape is flat if its bounding box's shortest side, divided by the longest, is below this
 _FAR = 1e4  # a shape is far from the origin if its largest coordinate, divided by the longest side, is above this
-_COARSE = 0.1  # faces are large if the median edge length, divided by the box's diagonal, is above this
+_COARSE = 0.1  # faces are large if the median edge length, divided by the bounding box's diagonal, is above this
 
 
 @dataclass(frozen=True)
@@ -79,4 +79,4 @@ def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:
     typical = float(np.median(edges)) / np.linalg.norm(mesh.extents / longest)
     if typical > _COARSE:
         means = "Weights are exact at the vertices, but a face cannot bend: subdivide the mesh before editing."
-        yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.", means
+        yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the bounding box.", means

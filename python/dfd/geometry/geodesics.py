@@ -19,7 +19,7 @@ from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
 _SAMPLES = 6_000  # number of vertices of a large mesh at which distances are computed; more hardly reduce the error
-_LONGEST_EDGE = 1.5  # longer edges are split; in units of the spacing between samples
+_LONGEST_EDGE = 1.5  # length above which edges are split, divided by the spacing between samples
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Geodesics:
         Whether paths cross gaps between components that touch or nearly touch (see `dfd.geometry.surface_graph`). False
         separates components, as in the paper.
     sampled
-        Whether distances on a large mesh are computed at about 6,000 vertices and interpolated, which changes the
-        results by about 0.01. False uses all vertices, as in the paper.
+        Whether distances on a large mesh are computed at about 6,000 vertices and interpolated at the others. This
+        changes the results by about 0.01. False uses all vertices, as in the paper.
 
     Raises ValueError if `bridges` or `sampled` is not a bool.
     """

@@ -21,20 +21,20 @@ from dfd.mesh.mesh import Mesh
 
 NODES = 33  # number of points of the curve
 SAMPLES = 4_000  # number of surface samples of the part, to which the curve is fitted
-# A Gaussian kernel averages samples for each point of the curve. Its standard deviation is the larger of WIDTH times
-# the length of the part and WIDE times its radius.
+# Each point of the curve is an average of samples, weighted by a Gaussian kernel. The kernel's standard deviation is
+# the larger of two values: WIDTH times the part's length, and WIDE times the part's radius.
 WIDTH, WIDE = 0.08, 0.5
-STOUT = 0.4  # if radius divided by length is above this, parameters stay the scaled distances from the base
+STOUT = 0.4  # above this ratio of a part's radius to its length, parameters are scaled distances from the base
 ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no outlier sets the tip
 ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
 FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
 RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, divided by the radius at the base
 NEAR_JOINT = 0.12  # joints whose parameter differs from the handle's by at most this are preferred
 SLENDER = 0.75  # the length of a limb, divided by its width, is above this
-# A part is a wheel if, of the variances along its principal axes, the middle one exceeds ROUND times the largest, and
-# the smallest is below FLAT times the largest.
+# A wheel is a part with these variances along its principal axes: the middle variance is above ROUND times the largest,
+# and the smallest variance is below FLAT times the largest.
 ROUND, FLAT = 0.95, 0.7
-ATTACHED = 0.5  # regions around a part are attached to it if their area is at most this share of the largest region's
+ATTACHED = 0.5  # regions beside a part are attached if their area is at most this share of the largest such region's
 SMALL_COMPONENT = 0.05  # components of a region have no axis if their area is at most this share of the largest one's
 
 
@@ -45,7 +45,7 @@ class PartAxis:
     vertices: Int64  # (N,) vertices of the part and of attached regions, ascending
     parameter: Float64  # (N,) curve parameter of each vertex; nearly constant in an attached region far from the part
     nodes: Float64  # (33, 3) points of the curve at equal steps of its length, from base to tip
-    radius: Float64  # (33,) root mean squared distance of the surface from the curve
+    radius: Float64  # (33,) root mean squared distance of the surface from the curve, around each of these points
     border: Float64  # (B, 3) positions at the border with the rest of the shape, or at one end if there is no rest
     borders: int  # number of separate borders with the rest of the shape
     middle: Float64  # (3,) center of the part's surface
@@ -83,7 +83,7 @@ class PartAxis:
         """Return the parameter of the joint: the strongest bend or the narrowest place, such as a knee or an elbow.
 
         Only parameters from 0.2 to 0.8 are searched. If the parameter of `point` (3,) is in or near this range, only
-        its neighborhood is searched, so that a handle at a knee does not select the ankle.
+        similar parameters are searched, so that a handle at a knee does not select the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
@@ -136,7 +136,7 @@ class PartAxes:
         return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
 
     def of(self, inside: Bool) -> list[PartAxis]:
-        """Return the axes of the components of the part `inside` (V,), the largest first, without small components."""
+        """Return an axis for each large component of the part `inside` (V,), the largest component first."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         component = connected_components(nodes.graph[own][:, own], directed=False)[1]
@@ -163,7 +163,7 @@ class PartAxes:
         return replace(axis, vertices=vertices, parameter=parameter, **moved)
 
     def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
-        """Return the axis of the component with nodes `own` (M,) and `faces` (F, 3), or None if it has no extent."""
+        """Return the axis of the component with nodes `own` (M,) and `faces` (F, 3); None if its size is 0."""
         center, graph = self._nodes.center, self._nodes.graph
         inside = np.zeros(len(center), bool)
         inside[own] = True
@@ -250,8 +250,8 @@ class PartAxes:
         """Return the curve (33, 3), its radius (33,) and the parameters (M,) of `own`; None if all `faces` have area 0.
 
         The curve is a principal curve (Hastie and Stuetzle 1989). The first parameters are the distances `away` (M,)
-        from the base, scaled to [0, 1]. In each round, a point of the curve is the mean of the samples with nearly the
-        same parameter. Projection of the samples onto the curve gives new parameters.
+        from the base, scaled to [0, 1]. In each round, a point of the curve is fitted to the samples whose parameters
+        are near the point's parameter. Projection of the samples onto the curve gives their new parameters.
         """
         areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:

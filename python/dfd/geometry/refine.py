@@ -34,7 +34,7 @@ def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: i
 
 
 def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
-    """Return `faces` (F, 3), divided at the midpoints `middle` (F, 3) of their sides; −1 means no midpoint."""
+    """Return `faces` (F, 3), divided at the midpoints of their sides: vertices `middle` (F, 3), or −1 for none."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]
     # Rotate the corners so that a single divided side is the first, and a single undivided side is the last.

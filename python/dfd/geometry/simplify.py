@@ -12,13 +12,13 @@ from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
-    """Return a copy of `mesh` with at most about `face_count` faces, or `mesh` itself if it does not have more.
+    """Return a copy of `mesh` with at most about `face_count` faces.
 
-    The copy has no textures. Each vertex of the copy has the color of the nearest vertex of `mesh`.
+    The copy has no textures. Each vertex of the copy has the color of the nearest vertex of `mesh`. If `mesh` does not
+    have more than `face_count` faces, or has no face with an area, `mesh` itself is returned.
 
-    Raises ValueError if `face_count` is less than 4, or all vertices are at one position.
-
-    Source: Garland and Heckbert 1997, through fast-simplification; paper, section 3.2.
+    Raises ValueError if `face_count` is less than 4, or all vertices are at one position. Source: Garland and
+    Heckbert 1997, through fast-simplification; paper, section 3.2.
     """
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:

@@ -12,9 +12,9 @@ from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-# Fractions of the bounding box's diagonal. Points count as equal up to a distance of SAME_PLACE. Bridges join
-# components first across the smaller of GAPS, then across the larger. Components that are joined across the smaller gap
-# get no bridges across the larger one: legs that meet at the hips stay separate at the knees.
+# Two lengths, as fractions of the bounding box's diagonal. Points count as equal up to the distance SAME_PLACE. Bridges
+# join components first across the smaller of GAPS, then across the larger. Components that are joined across the
+# smaller gap get no bridges across the larger one: legs that meet at the hips stay separate at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
 _MOST_POINTS = 400_000  # largest number of samples on edges, and of samples on faces
 _LABELS_IN_CELL = 4  # largest number of components of a grid cell that are paired with those of other cells
@@ -60,7 +60,7 @@ def surface_links(mesh: Mesh) -> Int32:
 
 
 def _scaled(mesh: Mesh) -> tuple[float, Float64]:
-    """Return the longest side of the mesh's box, and the vertices (V, 3) divided by it, so that no square overflows.
+    """Return the longest side of the bounding box, and the vertices (V, 3) divided by it, so that no square overflows.
 
     Raises ValueError if lengths overflow.
     """
@@ -71,7 +71,7 @@ def _scaled(mesh: Mesh) -> tuple[float, Float64]:
 
 
 def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> Int64:
-    """Return pairs (B, 2) of vertices of different components, which bridges connect across small gaps.
+    """Return the bridges across small gaps: pairs (B, 2) of vertices of different components.
 
     `vertices` (V, 3) and `faces` (F, 3) are the mesh, and `component` (V,) is the component of each vertex.
     """
@@ -141,9 +141,9 @@ def _capped(wanted: Float64) -> Int64:
 
 
 def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
-    """Return the indices (K,) of one point for each of the first few labels in each grid cell with sides `cell`.
+    """Choose a point for each of the first few labels in each grid cell with sides `cell`. Return the indices (K,).
 
-    Also return pairs (C, 2), one for each other label of a cell: a chosen point, and a point with this label.
+    Also return pairs (C, 2), one for each other label in a cell: a chosen point, and a point with this label.
     """
     voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = voxel.max(axis=0) + 1

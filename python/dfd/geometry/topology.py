@@ -31,13 +31,13 @@ class Topology:
     duplicate_faces: int  # faces with the same three corners as an earlier face, in any order
     unreferenced_vertices: int  # vertices that belong to no face
     extents: tuple[float, float, float]  # sides of the bounding box, in mesh units
-    parts: int  # parts of the file's scene, see `Mesh.parts`
+    parts: int  # number of parts of the file's scene, see `Mesh.parts`
     materials: int
     textures: int
 
 
 def inspect(mesh: Mesh) -> Topology:
-    """Return the numbers of components and defects of a mesh.
+    """Return the counts of components and defects of a mesh.
 
     For edges and components, only faces with three different corners count.
     """
@@ -102,7 +102,7 @@ def face_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
 
 
 def vertex_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
-    """Return a third of the area of each vertex's faces, (V,), in squared units of `vertices` (V, 3)."""
+    """Return a third of the total area of each vertex's faces, (V,), in squared units of `vertices` (V, 3)."""
     thirds = np.repeat(face_areas(vertices, faces) / 3, 3)
     return np.bincount(faces.ravel(), thirds, len(vertices)).astype(np.float64)
 
@@ -151,7 +151,7 @@ def sample_surface(
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
     """Place `counts[f]` points on face f. Return the face (N,) of each point, ascending, and barycentric rows (N, 3).
 
-    The points cover a face evenly; the first point is the center. They are the additive sequence of Roberts, "The
+    The points cover a face evenly. The first point is the center. The method is the additive sequence of Roberts, "The
     unreasonable effectiveness of quasirandom sequences", 2018.
     """
     ends = np.cumsum(counts)

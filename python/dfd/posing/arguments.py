@@ -12,7 +12,7 @@ from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
-    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if it already is one."""
+    """Return `vertices` as an array (V, 3) of float32 or float64, without a copy if it already is such an array."""
     points = tensors.shared(function, "vertices", vertices)
     given = points.dtype.newbyteorder("=") if isinstance(points, np.ndarray) else None
     dtype = np.float32 if given in (np.float32, np.float16) else np.float64
@@ -46,7 +46,7 @@ def target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDAr
 
 
 def read_affine(function: str, name: str, value: Any, count: int | None) -> Float64:
-    """Return `value` as transforms (`count`, 3, 4). If `count` is None, `value` must be a single transform."""
+    """Return `value` as transforms (`count`, 3, 4). If `count` is None, return a single transform (1, 3, 4)."""
     array = np.asarray(tensors.shared(function, name, value))
     if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
         return array  # the kernel checks that the numbers are finite
@@ -69,7 +69,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: Float32
 ) -> tuple[Int64 | None, Float64]:
-    """Return the vertices (H,) and the positions (H, 3) of the handles. The vertices are None for given positions."""
+    """Return the vertices (H,) and positions (H, 3) of the handles. If positions are given, the vertices are None."""
     count = weights.shape[1]
     if handles is None:
         if len(vertices) == 0:

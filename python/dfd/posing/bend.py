@@ -15,7 +15,7 @@ LEAST_JOINT = 0.06  # smallest half length of a joint, as a fraction of the curv
 def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None) -> Float64:
     """Return the rigid maps (513, 3, 4) of the cross-sections at equal steps along a curve; the first is the identity.
 
-    The cross-section at the point c(s) of the curve rotates by R(s) T(s). R(s) is a fraction of the bend, and T(s) the
+    The cross-section at the point c(s) of the curve rotates by R(s) T(s). R(s) is a fraction of the bend. T(s) is the
     same fraction of the twist, about the tangent of the curve. The point c(s) moves to c̃(s) = c(0) + ∫ R c′, and a
     point p of the cross-section moves to c̃(s) + R(s) T(s) (p − c(s)).
 
@@ -86,7 +86,7 @@ class Sections:
         self._products = np.empty(8 * len(moving))  # these positions (x, y, z, 1), multiplied by `_shares`
 
     def move(self, points: Float64, maps: Float64) -> None:
-        """Move the vertices in `points` (V, 3), in place, by `maps` (513, 3, 4), interpolated at their parameters."""
+        """Move the vertices in `points` (V, 3), in place. `maps` (513, 3, 4) are interpolated at their parameters."""
         moves = (maps != np.eye(3, 4)).any(axis=(1, 2))
         first = int(np.searchsorted(self._below, int(moves.argmax()) - 1)) if moves.any() else len(self._below)
         rest = points[self.vertices]

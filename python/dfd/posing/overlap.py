@@ -9,9 +9,9 @@ SINGULAR = 1e-5
 
 
 def interpolating(function: str, handle_weights: Float64) -> Float64:
-    """Return the inverse of `handle_weights` (H, H), whose row j has the weights of all handles at handle j.
+    """Return the inverse of `handle_weights` (H, H). Row j of that matrix has the weights of all handles at handle j.
 
-    After multiplication by the inverse, the weight of a handle is 1 at its own position, and 0 at other handles.
+    If weights are multiplied by the inverse, the weight of a handle becomes 1 at this handle, and 0 at other handles.
 
     Raises ValueError if `handle_weights` is singular. The message names the two most similar handles, or a handle at
     whose position all weights are 0. `function` is the caller's name in messages.

@@ -121,20 +121,20 @@ def pose(
         handle is at the vertex with its largest weight.
     handle_weights
         (H, H) matrix for `overlap="interpolate"`. Row j has the weights of all handles at the position of handle j.
-        None takes the rows of `weights` at `handles`, which must then be vertices.
+        If this is None, `handles` must be vertices, and the rows of `weights` at these vertices are used.
     normals
         (V, 3) unit normals to transform too, by the cofactor matrix of each vertex's blended transform.
     overlap
         The rule for vertices whose weights have a sum above 1. "paper": Eq. 1 unchanged, which also multiplies their
         positions by this sum. "add": displacements are added, so identity transforms move nothing. "normalize": weights
         are divided by their sum. "interpolate": weights are multiplied by the inverse of `handle_weights`, and the
-        displacements are added. Each handle then moves exactly to its target, except in the band of a mirror plane.
+        displacements are added. Each handle moves exactly to its target, except in the band of a mirror plane.
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
-        dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). Twisted
-        parts then keep their thickness. If a transform mirrors, its stretch contains the reflection that leaves the
-        smallest rotation. The rotation never mirrors, even if the transform is singular.
+        dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). This
+        keeps the thickness of twisted parts. If a transform mirrors, its stretch contains the reflection that leaves
+        the smallest rotation. The rotation never mirrors, even if the transform is singular.
     out
         (V, 3) array for the result, with the type of `vertices`; None makes a new array.
 
@@ -179,10 +179,10 @@ def pose(
 
 
 class Drag:
-    """A series of poses in which only some handles move. The sum of the displacements by all others is computed once.
+    """A series of poses in which only some handles move. The displacements by all other handles are added once.
 
     The parameters are those of `dfd.pose`, and `moving`: the indices of the handles that move. `transforms` are those
-    at the start of the drag. With dual quaternions, there is no such sum: each pose takes as long as `dfd.pose`.
+    at the start of the drag. With dual quaternions, no sum is computed: each pose takes as long as `dfd.pose`.
     """
 
     def __init__(

@@ -73,7 +73,8 @@ MOTIONS = {
 class Transform(Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part.
+    R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part:
+    the vertices with at least half of the handle's largest weight.
 
     Raises ValueError if an attribute has a wrong array shape or is not finite, a rotation is the quaternion 0 or
     outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given
@@ -208,7 +209,6 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
 
 
 def _angles(name: str, value: ArrayLike) -> Vector:
-    """Return `value` as a rotation vector in degrees."""
     angles = vector(name, value)
     if max(map(abs, angles)) > LARGEST_ANGLE:
         raise ArgumentError(name, f"must stay within ±{LARGEST_ANGLE:g} degrees, got {angles}", "Transform")

@@ -1,4 +1,4 @@
-"""Move the border of a part to nearby creases by a minimum cut, close a part, and find its connected components.
+"""Move the border of a part to nearby creases by a minimum cut, close the part (see `closed`), and find its components.
 
 A patch is a group of mesh nodes. A mesh node is a group of nearby vertices (`dfd.geometry.coarse`).
 """
@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
-NECK = 1.5  # patches up to this distance from a part's border, in `Patches.spacing`, do not connect its components
+NECK = 1.5  # patches up to this distance from a part's border, in patch spacings, do not connect the part's components
 SMALL_COMPONENT = 0.1  # a component is small if its area is below this share of the largest component's area
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
 CREASE = 0.1  # increase of concavity that divides the cost of a border by e
@@ -42,7 +42,7 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     free = depth < deepest[component] / 2
     if held is not None:
         start[held], free[held] = True, False
-    # The graph has the nodes that can change sides, a source (other nodes of the part), and a sink (all nodes left).
+    # The graph has the nodes that can change sides, a source (other nodes of the part), and a sink (all others).
     count = int(free.sum())
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)

@@ -27,22 +27,22 @@ LEAST_AREA, MOST_AREA = 0.002, 0.95  # smallest and largest area of a part, as s
 LEAST_COMPONENT = 0.005
 LEAST_CUT_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 SIMILAR = 1.4  # two areas or lengths are similar if the larger divided by the smaller is at most this
-# In `held`, an ancestor can replace the best tree node if its smallest component has at least EQUAL times the area of
-# its largest component, and its likelihood is at least STILL_LIKELY times that of the best tree node.
+# In `held`, an ancestor can replace the best tree node. The area of the ancestor's smallest component must be at least
+# EQUAL times that of its largest, and its likelihood at least STILL_LIKELY times the likelihood of the best tree node.
 EQUAL, STILL_LIKELY = 0.8, 0.15
 CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`, because parts that people name do not overlap
 # `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
 # the saliency LEAST_WITHIN.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# The likelihood of a tree node is multiplied by s ** HELD_BEYOND, where the node contains the share s of the surface
-# beyond the handle (`Distal`). For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
+# If a tree node contains the share s of the surface beyond the handle (`Distal`), the tree node's likelihood is
+# multiplied by s ** HELD_BEYOND. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
 HELD_BEYOND, SALIENT = 3.0, 0.5
 SHORT = 0.2  # added to border lengths, in bounding-box diagonals, because short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
 LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some parts end without a crease
-# Two parts of several components are joined if each has at least the saliency SURE, their components and borders have
-# similar sizes, and they do not touch. The distance of their mean features must also be below LESS_APART times the
-# feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds of joining.
+# Two parts, each with several components, are joined if both have at least the saliency SURE, the sizes of their
+# components and borders are similar, and the parts do not touch. The distance of their mean features must also be below
+# LESS_APART times the feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds.
 SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
 EVEN = 0.05  # added to the divisor of `Hierarchy.step`, because small increases of small merge distances are noise
 
@@ -56,9 +56,10 @@ class Hierarchy:
         (T, P) whether a patch belongs to a tree node.
     area, border
         (T,) area of each tree node as a share of the surface, and length of its borders in bounding-box diagonals.
-    concavity, step
-        (T,) mean concavity along the borders, in [0, 2]; and increase of the merge distance from a tree node to its
-        parent, relative to the parent's merge distance, in [0, 1].
+    concavity
+        (T,) mean concavity along the borders, in [0, 2].
+    step
+        (T,) (M − m) / (M + `EVEN`), in [0, 1): m is a tree node's merge distance, and M its parent's.
     cut
         The clearest cut: the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
     clear
@@ -178,7 +179,7 @@ class Hierarchy:
         part that the user means. The likelihood of a candidate increases with its saliency. If the saliency is below
         `SALIENT`, the likelihood also increases with the candidate's share of the surface beyond the handle, so a ring
         around a leg is unlikely. An ancestor with at least twice as many components, all of similar size, replaces the
-        candidate: hind wheels then follow front wheels.
+        candidate, so that hind wheels follow front wheels.
         """
         nodes, area = self.candidates(patch), self._patches.area
         whole = np.array([self.closed(node) for node in nodes])
@@ -208,7 +209,6 @@ class Hierarchy:
         return float(length) / self._components(node)[1]
 
     def _components(self, node: int) -> tuple[Float64, int]:
-        """Return `components_and_borders` of a tree node."""
         key = self._keys[node]
         if key not in self._known_components:
             self._known_components[key] = components_and_borders(self._patches, self.inside[node])
@@ -241,7 +241,7 @@ class Hierarchy:
         return part
 
     def _measure_nodes(self) -> None:
-        """Set the attributes (T,) and (T, P), except `clear`."""
+        """Set the attributes that have an entry for each tree node, except `clear`."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         self.area, self.border = self._sums(patches.area), self._crossing(borders.length)

@@ -23,14 +23,14 @@ Level = Literal["smaller", "part", "larger"]
 LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at the next smaller level
 # If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
-# In the blend band along the border of a part, the weights of a grip fall from 1 to 0. They are 0.5 at the border. The
-# band is at most WIDEST times the diagonal of the bounding box wide, and at most WIDEST_OF_GIRTH times the girth of the
-# limb, which is the mean length of the part's borders. In a wider band, the surface of a moved part is less steep: with
-# half of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
+# In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. At the border, they are 0.5. The
+# band's width is at most WIDEST times the diagonal of the bounding box, and at most WIDEST_OF_GIRTH times the girth of
+# the part: the mean length of the part's borders. A wider band makes the surface of a moved part less steep. With half
+# of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
 WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
 # BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
-# that is at least LEAST_WIDTH times the displacement of the border across the limb, or the largest width if all are
-# smaller. At rest, it has the smallest width, at which the weights agree best with labelled parts.
+# that is at least LEAST_WIDTH times the displacement of the border across `Border.direction`. If all are smaller, the
+# band has the largest width. At rest, it has the smallest width, at which the weights agree best with labelled parts.
 BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 3.0
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
 # The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
@@ -53,17 +53,17 @@ class Part:
 
 
 class Border(NamedTuple):
-    """The border of a part's connected component at a handle, and the largest width of the blend band there."""
+    """The border of the part's connected component at the handle, and the largest width of the blend band there."""
 
     points: Float64  # (B, 3) positions of some mesh nodes at the border, in mesh units
-    direction: Float64  # (3,) unit vector from the border to the middle of the component; 0 if the part is no limb
+    direction: Float64  # (3,) unit vector from the border to the middle of the component; 0 for a trunk (`TRUNK`)
     widest: float  # largest width of the blend band, in mesh units
 
     def band(self, affine: Float64) -> float:
         """Return the width of the blend band, divided by its largest width, for a part that `affine` (3, 4) moves.
 
         If the border moves farther across `direction`, the band is wider, so that the surface in the band is less
-        steep. A motion along `direction` only lengthens the limb.
+        steep. A motion along `direction` only lengthens the limb, so the band stays narrow.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         moved -= (moved @ self.direction)[:, None] * self.direction
@@ -200,7 +200,7 @@ class Parts:
             _ = self._hierarchy
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Move the border of the part `inside` to creases; return the part's mesh nodes (N,), with that of `vertex`."""
+        """Move the border of the part `inside` to creases. Return the part's mesh nodes (N,), with that of `vertex`."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:

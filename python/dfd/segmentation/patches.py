@@ -15,14 +15,14 @@ from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
 
 COUNT = 2_000  # approximate number of patches; the computing time grows with the square of this number
-PACKING = 0.75  # smallest distance, in patch spacings, of seeds: random mesh nodes, each of which gets a patch
+PACKING = 0.75  # smallest distance between seeds, in patch spacings; a seed is a random mesh node that gets a patch
 NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BESIDE = 0.2  # largest distance, along the surface, between patches beside each other; in diagonals of the bounding box
+BESIDE = 0.2  # largest distance between patches beside each other, along the surface, in diagonals of the box
 STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
-MIDDLE = 1.5  # largest mean squared distance of a middle patch from the STARTS patches, divided by the smallest one
+MIDDLE = 1.5  # largest mean squared distance of a middle patch from the STARTS patches, divided by the smallest mean
 BRIDGE = 1.0  # concavity assigned to borders across small gaps between components of the mesh, which are clear borders
 
 
@@ -110,7 +110,7 @@ class Patches:
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
         mean_center = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        # Around a thin limb, the mean normal is near 0, and its direction is noise. So mean normals keep their length.
+        # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_node, pairs, length, count), mean_center, mean_normal)
 
@@ -151,7 +151,7 @@ class Distal:
         """Return the patches on the distal side of a patch, (P,) bool.
 
         Shortest paths from the middle of the shape to these patches pass through `patch` or a patch beside it. A patch
-        beside it has at most the distance `BESIDE`. Patches no nearer to the middle than `patch` connect the two.
+        is beside `patch` if its distance is at most `BESIDE`, and patches at least as far from the middle join the two.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
@@ -162,7 +162,7 @@ class Distal:
 
 
 def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Int64, Float64]:
-    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes; `pairs` and `length` of their `Borders`."""
+    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes, and `pairs` and `length` of `Borders`."""
     count = len(nodes.center)
     first = first_at_place(mesh)
     areas, normals = np.zeros(count), np.zeros((count, 3))
@@ -237,7 +237,7 @@ def _seeds(points: Float64, near: float) -> Int64:
 
 
 def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
-    """Return the index of the seed nearest to each node, (N,), along the surface; without a path, in space."""
+    """Return the index of the seed nearest to each node, (N,), along the surface; in space if there is no path."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))

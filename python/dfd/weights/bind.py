@@ -63,7 +63,7 @@ def bind(
     ----------
     features
         (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
-        compact features: binding is then many times faster, and weights stay within the tolerance of `dfd.compact`.
+        compact features, with which binding is many times faster. Weights stay within the tolerance of `dfd.compact`.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
@@ -73,7 +73,7 @@ def bind(
         Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
         items, as for `handles`.
     strength
-        The factor s in [0, 1] of the weight that each fixed point subtracts: one number, or (P,). None stands for 1.
+        The factors s in [0, 1] of the weights that fixed points subtract: one number, or (P,). None stands for 1.
     geodesic
         (H, V) distances G along the surface from each handle, in [0, 1]. float32 is read in place.
     locality

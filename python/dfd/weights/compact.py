@@ -1,4 +1,4 @@
-"""Compact the features for `dfd.bind` to about a tenth of their bytes, so that weights stay within a tolerance.
+"""Compact the features for `dfd.bind` to about a tenth of their bytes. Weights stay within a tolerance.
 
 The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
 permits, and stored in 8 or 16 bits. Equal features have equal entries, so the weight at a handle is exactly 1.
@@ -21,8 +21,8 @@ BLOCK = 16  # number of vertices that the kernels read together
 BATCH = 512  # number of rows that are projected together; they fit the cache of a core
 SPAN = 127  # largest absolute value of an 8-bit entry, in multiples of `CompactFeatures.step`
 DIRECTION_SAMPLE = 16_384  # largest number of vertices from which the principal directions are computed
-VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles whose weights are compared
-SAFETY = 0.8  # a format is accepted if the error of weights on the samples is at most SAFETY times the tolerance
+VERTEX_SAMPLE, HANDLE_SAMPLE = 4_096, 128  # largest numbers of vertices and handles in a `_Trial`
+SAFETY = 0.8  # a format is accepted if weights on the samples have an error of at most SAFETY times the tolerance
 
 Precision = Literal["int8", "float16"]
 
@@ -42,7 +42,7 @@ class CompactFeatures:
     basis: Float32  #: (D, d) orthonormal columns
     mean: Float32  #: (D,)
     step: float  #: the unit of an "int8" entry; 1 for "float16"
-    radius: float  #: largest distance, on samples, between a feature and its approximation by entries
+    radius: float  #: largest distance between the feature of a sample and its approximation by entries
     tolerance: float  #: the requested largest error of a weight
     error: float  #: the largest error of a weight on the samples
 
@@ -72,7 +72,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of the vertices `indices` (N,). `project` gives the entries again."""
+        """Return the approximate features (N, D) of vertices `indices` (N,). `project` gives them the same entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
@@ -97,7 +97,7 @@ class CompactFeatures:
         """Return the entries (N, d) of handles with the features `rows` (N, D), and an offset (N,) for each handle.
 
         `dfd.bind` adds the offset to the squared distances between the handle and all vertices. The offset is the
-        squared distance between a feature and its approximation, minus the square of `radius`, and at least 0.
+        squared distance between the handle's feature and its approximation, minus the square of `radius`, at least 0.
         """
         centered = rows - self.mean
         stored = _rounded(centered @ self.basis, self.precision, self.step)
@@ -119,7 +119,7 @@ def compact(
     points
         (V, 3) points at which a field is evaluated, in mesh units; only for a field.
     tolerance
-        Largest difference between a weight and the weight by full float64 features, on sampled vertices and handles.
+        Largest permitted difference from weights by full float64 features, on sampled vertices and handles.
     progress
         A function that takes the number of newly finished rows; the number is negative if rows are computed again.
 
@@ -144,7 +144,7 @@ def compact(
         kept = min(dimensions, source.dimension)
         rotation = np.eye(kept)
         step = 1.0
-        if precision == "int8":  # all dimensions have the same step, so a random rotation makes their ranges similar
+        if precision == "int8":  # all dimensions share one step; after a random rotation, their ranges are similar
             rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
             step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
@@ -205,8 +205,8 @@ class _Trial:
     """Compare weights from entries with weights from full features in float64, on sampled vertices and handles.
 
     `features` (N, D) are the full features, `along` (N, D) are their coordinates along all principal directions, and
-    `handles` (H,) are row numbers. Coordinates far from the mean have rounding errors, so the reference weights are
-    those of `features`. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
+    `handles` (H,) are indices of rows. Coordinates far from the mean have rounding errors, so the reference weights are
+    computed from `features`. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:

@@ -24,7 +24,7 @@ class Targets:
     """The points from which a kernel measures feature distances."""
 
     points: Int64 | Float32  # (N,) vertex indices, or (N, d) rows: features, or stored entries of compact features
-    offsets: Float32 | None  # (N,) numbers to add to squared distances from these entries; None for other points
+    offsets: Float32 | None  # (N,) numbers to add to squared distances, for stored entries; None for other points
     members: NDArray[np.uint32] | None  # (H,) how many consecutive points each handle has; None if each has 1
 
     def __len__(self) -> int:
@@ -32,7 +32,7 @@ class Targets:
 
 
 def resolve_points(name: str, value: Any, source: Source) -> Targets:
-    """Return the points of an argument of `dfd.bind`, whose `name` is "handles" or "fixed".
+    """Return the points of the argument `name` of `dfd.bind`: "handles" or "fixed".
 
     Raises ValueError if `value` is not vertices, feature rows or a sequence of regions, or if a region is empty.
     """
