@@ -129,7 +129,7 @@ def _batches(
 
 
 class Adam:
-    """The optimizer Adam by torch's fused function; torch's class imports a compiler, which takes two seconds."""
+    """The optimizer Adam, by torch's fused function. torch's own class imports a compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -179,7 +179,7 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE), because few points are noisy.
+# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE): if n is low, they are noisy.
 SHRINKAGE = 10
 
 

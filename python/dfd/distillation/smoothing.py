@@ -15,7 +15,7 @@ The missing quarter is due to differences between pictures, not between parts.
 
 An encoder can give different features to a left part and a right part. So weak links (further terms w ‖Z_i − Z_j‖²)
 connect each sample i with samples j near its mirror image. The weight w of a link is higher for similar samples. The
-mirror plane is the best of the bounding box's three middle planes.
+mirror plane is that middle plane of the bounding box for which the sum of these weights is largest.
 
 Smooth features vary mainly along a few directions. So only these principal directions are smoothed and fitted. The
 field's last layer maps the fitted values back to features of full dimension.
@@ -234,7 +234,7 @@ def _links(
 ) -> tuple[Int64, Int64, Float64]:
     """Return links from each sample in `ends` to the nearest other samples in `others`.
 
-    `linked` selects the links. The returned arrays are first ends, second ends, and weights: `weight` / `neighbors`.
+    Links for which `linked` is False are left out. The result: first ends, second ends, weights (`weight` / `neighbors`).
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:
