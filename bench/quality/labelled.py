@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
-EACH = 4  # number of handles for each label
+EACH = 4  # largest number of handles for each label
 FEW_FACES, FACES = 4_000, 20_000  # number of faces of a sample in a quick and in a full run
 LEGEND = {
     "precision": "average precision with which a ranking of vertices by weight or distance finds the handle's label",
@@ -29,7 +29,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with labelled parts. The label of a vertex is the one with the largest area among its faces."""
+    """A mesh with labelled parts. A vertex has the label with the largest area among its faces."""
 
     category: str = ""  # such as "Ant"
 

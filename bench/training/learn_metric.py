@@ -30,7 +30,7 @@ from dfd.encoders.learned_file import encoder_identity
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
 DIRECTIONS = 51  # number of discriminant directions; with the 13 kinds of parts, a mapped feature has 64 dimensions
 RIDGE = 1.0  # ridge that is added to the covariance within parts, as a multiple of its mean variance
-POWER = 0.125  # The length of a direction is its ratio (variance between parts / within parts) to this power.
+POWER = 0.125  # The length of a direction is its ratio (variance between parts / within parts) raised to this power.
 FACES = 20_000  # number of faces of each sample
 EACH, SEEDS = 8, 3  # number of handles that are drawn from every part, and number of draws, to measure precision
 
@@ -137,7 +137,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return a report: precision on each shape by features alone, and by a metric learned without its family."""
+    """Return a report: precision on shapes by features alone, and by a metric learned without the shape's family."""
     rows: list[list[Any]] = []
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):

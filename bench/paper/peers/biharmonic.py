@@ -20,7 +20,7 @@ Solve = Callable[[Int64], Float64]  # maps the distinct nodes (K,) of K handles 
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy, 1 at one handle and 0 at the others. They reproduce affine maps."""
+    """Prepare weights of least biharmonic energy: 1 at a handle, 0 at all others. Weights reproduce affine maps."""
     return _binding(body, direct(body.within))
 
 

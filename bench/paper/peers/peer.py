@@ -23,8 +23,8 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # time limit for all steps of one peer on one shape, without its tetrahedra, seconds
-FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
+PATIENCE = 300.0  # time limit in seconds for all steps of one peer on one shape, except its tetrahedra
+FILLING_PATIENCE = 900.0  # time limit in seconds for the tetrahedra of one shape
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the bounding box's diagonal
 MOST_FACES = 6_000  # largest number of faces of a surface that is filled; more would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal

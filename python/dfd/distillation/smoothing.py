@@ -234,7 +234,8 @@ def _links(
 ) -> tuple[Int64, Int64, Float64]:
     """Return links from each sample in `ends` to the nearest other samples in `others`.
 
-    Links for which `linked` is False are left out. The result: first ends, second ends, weights (`weight` / `neighbors`).
+    Only links for which `linked` is True are kept. The result has their first ends, second ends and weights. All
+    weights are `weight` / `neighbors`.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:
