@@ -22,7 +22,7 @@ from dfd.pictures.picture import picture
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
-# Shapes of Fig. 9, 16, 21. Control points below LIFTED × the shape's height move down by at most STRETCH × its height.
+# Shapes of Fig. 9, 16, 21. Control points below LIFTED × the shape's height move down by at most STRETCH × this height.
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
 DENSE_TEXT = (

@@ -52,8 +52,8 @@ def gallery(
 ) -> Page:
     """Return a page with pictures and a table row for each session. `variants` returns a subject's sessions by name.
 
-    `measure` takes a subject, a session, and the subject's first session, and returns cells of the session's table row.
-    For each view in `shown`, a row of pictures shows all sessions. `source` returns options for the first picture.
+    `measure` takes a subject, a session, and the subject's first session. It returns cells for the row of the session.
+    Each view in `shown` gives a row of pictures. The first picture is the shape at rest, with options from `source`.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []

@@ -41,12 +41,12 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex nearest to `point`, a fraction of each box side. Vertices without faces are ignored."""
+        """Return the vertex nearest to `point`, in fractions of the bounding box. The vertex must have a face."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
     def place(self, point: Sequence[float]) -> Float64:
-        """Return the position (3,) in mesh units of `point`, a fraction of each side of the bounding box."""
+        """Return the position (3,), in mesh units, of `point`, whose coordinates are fractions of the bounding box."""
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:

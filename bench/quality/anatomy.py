@@ -33,7 +33,7 @@ LEGEND = {
 }
 # In rigs for inverse kinematics, feet and hands are children of a root. `read_rigged` makes them children of a limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Joints of the Unreal mannequin, without sides, each after its parent. It replaces missing parents (see `_tree`).
+# Joints of the Unreal mannequin, without sides, each after its parent; used for files in which no joint has a parent.
 CHAINS = (
     "root pelvis spine_01 spine_02 spine_03 neck_01 head",
     "spine_03 clavicle upperarm lowerarm hand",
@@ -68,7 +68,7 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
-        """Return the best soft IoU of `weights` (V,) with a set of `meant`, and the fraction left behind (`LEGEND`)."""
+        """Return the soft IoU of `weights` (V,) with the best set of `meant`, and the fraction that is left behind."""
         own = self.subtree(int(self.of_vertex[vertex]))
         best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())

@@ -1,4 +1,4 @@
-"""`python -m bench.speed.session`: time the steps of a session, during which a user waits, for several mesh sizes.
+"""`python -m bench.speed.session`: time the steps of a session that make a user wait, for several mesh sizes.
 
 The mesh is a quadruped, subdivided to each size. A separate process for each size measures its peak memory.
 """

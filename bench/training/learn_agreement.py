@@ -1,8 +1,8 @@
 """Learn the probability that a handle transferred to another rig of its family moves the corresponding part.
 
-Each handle moves the subtrees of some joints of its rig, with an IoU of at least 0.6. A transferred handle is right if
-its IoU with the same joints of the other rig is at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
-the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants of the other families.
+A handle moves the subtrees of some joints of its rig. After the transfer, it is right if it moves the subtrees of the
+same joints of the other rig. Both IoUs must be at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
+the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants from the other families.
 """
 
 import argparse

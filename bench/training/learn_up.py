@@ -91,7 +91,7 @@ def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
 
 
 def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
-    """Add `priors`, the log-odds of a file's +y (frame `up`) and −y, to `odds` (…, 6), and those of ±z (next axis)."""
+    """Add prior log-odds to `odds` (…, 6): `priors` of a file's +y (frame `up`) and −y, and those of its ±z."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
     added[[up, up ^ 1]] = priors

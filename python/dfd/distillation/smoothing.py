@@ -232,10 +232,9 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return links from each sample in `ends` to the nearest other samples in `others`.
+    """Return those links from samples in `ends` to the nearest other samples in `others` for which `linked` is True.
 
-    Only links for which `linked` is True are kept. The result has their first ends, second ends and weights. All
-    weights are `weight` / `neighbors`.
+    The result is the first ends, the second ends, and the weights, which all equal `weight` / `neighbors`.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

@@ -109,7 +109,10 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
-        """Return which of `count` tokens lies before each row or column `pixel` (B,), and the next token's weight."""
+        """Return the index of the token before each `pixel` (B,), and the weight of the token after it.
+
+        `pixel` is a row or a column of the picture. Along this axis, the picture has `count` tokens.
+        """
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -156,7 +159,7 @@ def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArra
     """Combine the targets for several up directions; squared distances of features become weighted means.
 
     `by_up` contains the targets for each up direction. `shares` contains the weights of the up directions, which sum to
-    1. All targets have the same points, but some lack points that diffusion did not reach. The concatenated features
+    1. The points of the targets differ only by those that diffusion did not reach. The concatenated features
     are projected to principal directions, so that the result has as many dimensions as the first targets.
     """
     if len(by_up) == 1:

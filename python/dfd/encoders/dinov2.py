@@ -21,7 +21,7 @@ from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
 # Largest token dimension D of a network that skips background. Wider networks store global information in the tokens
-# of background patches (Darcet et al.). Without background patches, they would store it in tokens of the shape.
+# of background patches (Darcet et al.). Without them, tokens of the shape would store this information.
 _WIDEST_WITHOUT_BACKGROUND = 768
 # Old parts of tensor names, and the current parts. Files from older versions of transformers have the old names.
 _RENAMED = {

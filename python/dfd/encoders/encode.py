@@ -102,7 +102,7 @@ class Encoder:
             that it accepts. Unless the network has a fixed size, resizing gives a warning.
         covered
             (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
-            shape and their neighbors are encoded; all other tokens are 0. None encodes all patches.
+            shape, and patches next to them, are encoded; all other tokens are 0. None encodes all patches.
         stages
             The progress display, to which a stage "encode" with one item per image is added.
 

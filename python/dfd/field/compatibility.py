@@ -17,7 +17,8 @@ LARGEST_RATIO = 2.0
 WARNED_COORDINATE = 1.5
 POINTS = 512  # number of surface samples that a field stores
 SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
-FAR = 0.02  # far: beyond the spacing of the samples plus this fraction of the diagonal of the field's points
+# A point is far if its distance from all samples exceeds their spacing plus this fraction of the shape's diagonal.
+FAR = 0.02
 # MOST_BEYOND is the largest accepted share of mesh samples that are far from the field's points. MOST_MISSING is the
 # largest accepted share of the field's points that are far from the mesh.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
@@ -86,7 +87,7 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
-    """Return the share of mesh samples that are far from the field's points, and the share of far field points."""
+    """Return the share of mesh samples far from the field's points, and the share of field points far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
         return 0.0, 0.0
