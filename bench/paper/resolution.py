@@ -183,7 +183,7 @@ def fig17(context: Context) -> Page:
 
 
 def remeshed(shape: Shape, divisor: int) -> Shape:
-    """Remesh a shape until no edge exceeds the mean edge length divided by `divisor`; 1 returns the shape."""
+    """Remesh a shape until no edge exceeds the mean edge length divided by `divisor`; 1 changes nothing."""
     if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)

@@ -105,7 +105,7 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, its field by one preset, and its case: the data of the page for this shape."""
+    """A shape, its field by one preset, and its case: data that a page defines for this shape."""
 
     shape: Shape
     case: Any  # most often a `BoxHandle`

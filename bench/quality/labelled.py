@@ -1,4 +1,4 @@
-"""Compare weights and parts, found for handles, with parts that people labelled.
+"""Compare the weights and parts of handles with parts that people labelled.
 
 A folder for each category has files `N.off` and `N_labels.txt`. A file of labels has two lines for each part: its name,
 and the indices of its faces, from 1. Source: Kalogerakis et al., "Learning 3D Mesh Segmentation and Labeling", 2010.

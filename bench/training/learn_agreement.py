@@ -1,6 +1,6 @@
 """Learn the probability that a handle transferred to another rig of its family moves the corresponding part.
 
-A handle moves the subtrees of some joints of its rig. After the transfer, it is right if it moves the subtrees of the
+A handle moves the subtrees of some joints of its rig. A transferred handle is right (correct) if it moves those of the
 same joints of the other rig. Both IoUs must be at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
 the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants from the other families.
 """

@@ -62,13 +62,13 @@ class UpLesson:
         return UPS @ self.rotation.T
 
 
-Group = Literal["family", "name"]  # to test a shape, either the lessons of its family or only its own is left out
+Group = Literal["family", "name"]  # a shape is tested without the lessons of its family, or without its own lesson
 
 
 class Ridge:
     """Learn one vote by ridge regression, from all lessons or without some of them.
 
-    A vote has J coefficients, each linear in D token values. So its terms form J blocks. All have equal scale.
+    A vote has J coefficients, each linear in D token values. So its terms form J blocks, which are scaled equally.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:

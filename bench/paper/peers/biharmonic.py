@@ -1,7 +1,7 @@
 """Compute biharmonic coordinates on tetrahedra, by a direct solve and by the small system of OptCtrlPoints.
 
 Sources: Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-Both factor the energy matrix, which the Python bindings of libigl do not return. So this module assembles the matrix.
+Both methods factor the energy matrix, which libigl's Python bindings do not return. So this module assembles it.
 """
 
 from collections.abc import Callable

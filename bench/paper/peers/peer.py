@@ -104,7 +104,7 @@ def run(
     """Run `jobs` on one shape with one peer, in a separate process, within `patience` seconds.
 
     Tetrahedra have edges of `edge` times the diagonal. They fill a copy of the shape with at most `most_faces` faces,
-    within `FILLING_PATIENCE`. If `most_faces` is None, they fill the shape itself, within another `patience` seconds.
+    within `FILLING_PATIENCE` seconds. If `most_faces` is None, they fill the shape itself, within `patience` seconds.
 
     Raises PeerError if the peer does not support the shape or the handles, fails, crashes or takes too long.
     """
