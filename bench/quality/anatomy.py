@@ -60,7 +60,7 @@ class RiggedShape:
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set of joints that a user may mean at a vertex: their names, and the mask (V,) of their subtrees."""
+        """Yield every set of joints that a user may mean at a vertex: their names, and their subtrees' mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):

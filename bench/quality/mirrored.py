@@ -36,7 +36,7 @@ class Pair:
     size: float  # diagonal of the left side's bounding box, mesh units
 
     def error(self, moved: Float64) -> float:
-        """Return the RMS difference of the right and the mirrored left displacements `moved` (V, 3), divided by `size`."""
+        """Return the RMS difference of right and mirrored left displacements in `moved` (V, 3), divided by `size`."""
         mirrored = moved[self.left]
         mirrored[:, self.axis] *= -1.0
         apart = np.linalg.norm(moved[self.right] - mirrored, axis=1)

@@ -89,7 +89,7 @@ def _gradients(
     The batch is `points` (B, 3) and their targets `wanted` (B, d). If `bfloat16` is True, matrix products use bfloat16.
 
     On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
-    threads would synchronize many times per step, and be up to twenty times slower on a busy machine.
+    threads would synchronize many times per step. On a busy machine, this is up to twenty times slower.
     """
     parameters = list(network.parameters())
 

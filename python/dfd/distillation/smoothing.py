@@ -41,7 +41,7 @@ from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-if TYPE_CHECKING:  # imported in `_factors`, which runs on another thread beside the encoder
+if TYPE_CHECKING:  # `_factors` imports this module on another thread, while the encoder runs
     from scipy.sparse.linalg import SuperLU
 
 SURFACE_SAMPLES = 12_000  # number of surface samples; their mean spacing is about 0.02 in normalized coordinates
@@ -76,7 +76,7 @@ class DiffusionProblem:
     confidence: Float64  # (N,) visibility c_i of each sample
     links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
     factors: SuperLU  # LU factors of the linear system (see `_factors`) without mirror links
-    generator: np.random.Generator  # the source of the remaining random numbers
+    generator: np.random.Generator  # the source of the random numbers of `smooth_along_surface`
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:

@@ -158,9 +158,9 @@ class PixelTargets(Targets):
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
     """Combine the targets for several up directions; squared distances of features become weighted means.
 
-    `by_up` contains the targets for each up direction. `shares` contains the weights of the up directions, which sum to
-    1. The points of the targets differ only by those that diffusion did not reach. The concatenated features
-    are projected to principal directions, so that the result has as many dimensions as the first targets.
+    `by_up` contains the targets for each up direction. `shares` are the weights of these directions; their sum is 1. All
+    targets have the same points, except points that the diffusion for a direction did not reach. The concatenated
+    features are projected to principal directions, so that the result has as many dimensions as the first targets.
     """
     if len(by_up) == 1:
         return by_up[0]

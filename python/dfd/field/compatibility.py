@@ -17,7 +17,7 @@ LARGEST_RATIO = 2.0
 WARNED_COORDINATE = 1.5
 POINTS = 512  # number of surface samples that a field stores
 SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
-# A point is far if its distance from all samples exceeds their spacing plus this fraction of the shape's diagonal.
+# A point is far from samples if all distances exceed the samples' spacing plus this fraction of the shape's diagonal.
 FAR = 0.02
 # MOST_BEYOND is the largest accepted share of mesh samples that are far from the field's points. MOST_MISSING is the
 # largest accepted share of the field's points that are far from the mesh.

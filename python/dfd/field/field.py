@@ -71,7 +71,7 @@ class Field:
     parameters
         Arrays by their names in `dfd.field.architecture`: weight and bias of each linear map and each LayerNorm.
     octaves
-        The number of wavelengths of the sines and cosines. Each is half of the previous one. The paper's network has 0.
+        The number of wavelengths of the sines and cosines. Each wavelength is half of the previous one; 0 in the paper.
     center
         The center (3,) of the shape's bounding box, in mesh units. The normalization maps it to the origin.
     scale
