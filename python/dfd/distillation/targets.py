@@ -158,7 +158,7 @@ class PixelTargets(Targets):
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
     """Combine the targets for several up directions; squared distances of features become weighted means.
 
-    `by_up` contains the targets for each up direction. `shares` are the weights of these directions; their sum is 1. All
+    `by_up` contains the targets for each up direction. `shares` are the weights of these directions, with sum 1. The
     targets have the same points, except points that the diffusion for a direction did not reach. The concatenated
     features are projected to principal directions, so that the result has as many dimensions as the first targets.
     """

@@ -99,7 +99,7 @@ class Encoder:
         ----------
         images
             (n, R, R, 3), 8-bit sRGB. If the network does not accept the side R, images are resized to the nearest side
-            that it accepts. Unless the network has a fixed size, resizing gives a warning.
+            that it accepts. Resizing gives a warning, except for networks with a fixed size.
         covered
             (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
             shape, and patches next to them, are encoded; all other tokens are 0. None encodes all patches.

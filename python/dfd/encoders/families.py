@@ -147,7 +147,7 @@ def _sam2(network: Any, config: Any, **others: Any) -> VisionModel:
     )
 
 
-_FAMILIES = {  # for each model type, the function that returns the `VisionModel`
+_FAMILIES = {  # the function for each model type; for all other types, `_of_one_size`
     "dinov3_vit": _of_any_size,
     "clip_vision_model": _clip,
     "sam_vision_model": _sam,
