@@ -16,7 +16,7 @@ TWISTS = {
     "human_neutral": BoxHandle((0.5, 0.75, 1.0), rotation=TWIST, pivot=MIDDLE, fixed=((0.45, 0.0, 1.0),)),
     "kaiju": BoxHandle((0.5, 0.6, 0.8), rotation=TWIST, pivot=MIDDLE, fixed=((0.3, 0.0, 0.7),)),
 }
-SIMILAR = 0.5  # A vertex is similar to a fixed point if a handle there would give it at least this weight (Eq. 4).
+SIMILAR = 0.5  # A vertex is similar to a fixed point if a handle at this point gives it at least this weight (Eq. 4).
 
 TURNS = {
     "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),

@@ -36,7 +36,7 @@ def spread(found: Any) -> float:
     return float(max(found) / max(min(found), 1e-9))
 
 
-# Conditions that select rows. A row with a note failed, or its result is too large; PEERS and COORDINATES skip it.
+# Conditions that select rows. PEERS and COORDINATES skip rows with a note: a method failed, or its result is too large.
 DFD = {"method": OURS}
 PEERS, COORDINATES = ({"method": each, "note": ""} for each in (comparisons.COMPARED, "biharmonic"))
 FAILING = {"method": comparisons.COMPARED}

@@ -53,7 +53,7 @@ def gallery(
     """Return a page with pictures and a table row for each session. `variants` returns a subject's sessions by name.
 
     `measure` takes a subject, a session, and the subject's first session. It returns cells for the row of the session.
-    Each view in `shown` is a row of pictures. `source` returns options for the picture of the shape at rest.
+    Each view in `shown` gives a row of pictures. Its first picture is the shape at rest, with options from `source`.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []

@@ -28,7 +28,7 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # limits in a quick and a full run: seconds for tetrahedra, and the same for all other steps
+PATIENCE = (40.0, 600.0)  # seconds, in a quick and a full run: limit for tetrahedra, and for all other steps together
 PEER_HANDLES = 10  # handles when a peer is timed; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
@@ -142,7 +142,7 @@ def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
 
 
 def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
-    """Return the mean distance between the displacements of two neighbors (see `NEAR`); None without neighbors."""
+    """Return the mean distance between the displacements of neighbors (see `NEAR`); None if there are no neighbors."""
     faces = first_at_place(mesh)[mesh.faces]
     component = np.full(len(mesh.vertices), -1)
     component[faces] = face_components(faces.astype(np.int32))[:, None]
@@ -183,7 +183,7 @@ def fig17(context: Context) -> Page:
 
 
 def remeshed(shape: Shape, divisor: int) -> Shape:
-    """Remesh a shape until no edge exceeds the mean edge length divided by `divisor`. With 1, return the shape."""
+    """Remesh a shape until no edge exceeds the mean edge length divided by `divisor`; 1 changes nothing."""
     if divisor == 1:
         return shape
     surface = trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False)

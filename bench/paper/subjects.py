@@ -41,12 +41,12 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex with a face that is nearest to `point`, which is in fractions of the bounding box."""
+        """Return the vertex nearest to `point`, in fractions of the bounding box. The vertex must have a face."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
     def place(self, point: Sequence[float]) -> Float64:
-        """Return the position (3,), in mesh units, of `point`, which is in fractions of the bounding box."""
+        """Return the position (3,), in mesh units, of `point`, whose coordinates are fractions of the bounding box."""
         return self.mesh.bounds[0] + np.asarray(point) * self.mesh.extents
 
     def refined(self) -> Shape:
@@ -80,7 +80,7 @@ class BoxHandle:
         return handle
 
 
-# For each shape, its pull: a translation of one handle. Shapes that are not listed here have the pull UPWARDS.
+# The pull of each shape: a translation of one handle. Shapes that are not listed here have the pull UPWARDS.
 PULLS = {
     "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
     "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
@@ -105,7 +105,7 @@ def pulls_of(*names: str) -> dict[str, BoxHandle]:
 
 @dataclass(frozen=True)
 class Subject:
-    """A shape, its field by one preset, and its case: the data of the page for this shape."""
+    """A shape, its field by one preset, and its case: data that a page defines for this shape."""
 
     shape: Shape
     case: Any  # most often a `BoxHandle`
@@ -195,7 +195,7 @@ class Context:
         return {"preset": preset, **shorter, **more}
 
     def loaded(self, preset: Preset, encoder: str | Path | None = None, block: int | None = None) -> Encoder:
-        """Return the encoder, loaded once. For the preset "paper", the encoder also sees the background of pictures."""
+        """Return the encoder, loaded once. For the preset "paper", it also encodes the background of pictures."""
         return load_once(self.encoder if encoder is None else encoder, block=block, background=preset == "paper")
 
     def field(

@@ -18,7 +18,7 @@ from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the function that reads its shapes
+MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the function that yields its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "borders": (borders, anatomy.rigged_shapes),
@@ -69,7 +69,7 @@ def write(path: Path, title: str, rows: Sequence[Row], legend: Mapping[str, str]
 
 
 def _means(rows: Sequence[Sequence[float | None]]) -> list[float | None]:
-    """Return the mean of each column over the rows that have a number there; None for a column without numbers."""
+    """Return the mean of the numbers in each column, or None for a column without numbers."""
     return np.ma.masked_invalid(np.array(rows, float)).mean(axis=0).tolist()
 
 

@@ -1,7 +1,7 @@
 """Measure how well a handle moves the subtree of a joint, in the rigs of characters and animals.
 
-The subtree of a joint is all vertices of the joint and its descendants. A user who adds a handle there may mean this
-subtree or the subtree of an ancestor: alone, on both sides, on all limbs, or for all joints of the same kind.
+The subtree of a joint is all vertices of the joint and its descendants. A user who adds a handle in a subtree may mean
+this subtree or that of an ancestor: alone, on both sides, on all limbs, or for all joints of the same kind.
 """
 
 import re
@@ -23,9 +23,9 @@ from dfd.geometry.topology import face_sides
 from dfd.mesh.file.gltf.header import objects, parents
 
 LARGEST_MEANT = 0.6  # largest fraction of the surface area in a subtree that a user may mean
-SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # bounds of the area fraction in subtrees of joints that get handles
+SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # a joint gets handles if its subtree has an area fraction between these
 HANDLES = 3  # largest number of handles per joint
-HELD_WELL = 0.7  # smallest mean soft IoU of a joint's handles if the joint is held well
+HELD_WELL = 0.7  # a joint counts as held well if the mean soft IoU of its handles is at least this
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
     "left behind": "the fraction of the area of the joint's subtree that does not follow the handle",
@@ -33,7 +33,7 @@ LEGEND = {
 }
 # In rigs for inverse kinematics, feet and hands are children of a root. `read_rigged` makes them children of a limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
-# Joints of the Unreal mannequin, without sides, each after its parent. Files without parents of joints get this tree.
+# Joints of the Unreal mannequin, without sides, each after its parent; used for files in which no joint has a parent.
 CHAINS = (
     "root pelvis spine_01 spine_02 spine_03 neck_01 head",
     "spine_03 clavicle upperarm lowerarm hand",
@@ -60,7 +60,7 @@ class RiggedShape:
         return np.isin(self.of_vertex, breadth_first_order(tree, joint, return_predecessors=False))
 
     def meant(self, vertex: int) -> Iterator[tuple[list[str], Bool]]:
-        """Yield every set that a user may mean by a handle at a vertex: the names of its joints, and its mask (V,)."""
+        """Yield every set of joints that a user may mean at a vertex: their names, and their subtrees' mask (V,)."""
         joint = int(self.of_vertex[vertex])
         while joint >= 0 and self.areas @ self.subtree(joint) <= LARGEST_MEANT:
             for kin in self._kin(joint):
@@ -68,13 +68,13 @@ class RiggedShape:
             joint = int(self.parent[joint])
 
     def judge(self, vertex: int, weights: Float64) -> tuple[float, float]:
-        """Return the best soft IoU of `weights` (V,) with any set of `meant`, and the fraction that is left behind."""
+        """Return the soft IoU of `weights` (V,) with the best set of `meant`, and the fraction that is left behind."""
         own = self.subtree(int(self.of_vertex[vertex]))
         best = max((soft_iou(self.areas, weights, meant) for _, meant in self.meant(vertex)), default=0.0)
         return best, 1.0 - float(self.areas[own] @ weights[own] / self.areas[own].sum())
 
     def handles(self) -> list[Int64]:
-        """Return up to `HANDLES` random vertices of each joint whose subtree is neither too small nor too large."""
+        """Return up to `HANDLES` random vertices of each joint that gets handles, see `SMALLEST_JUDGED`."""
         generator = np.random.default_rng(0)
         found = []
         for joint in range(len(self.joints)):
@@ -155,7 +155,7 @@ def _tree(mesh: dfd.Mesh, joints: tuple[str, ...]) -> Int64:
 
 
 def _bordering(shape: RiggedShape, joint: int) -> int:
-    """Return the joint to which most edges lead from the subtree of `joint`, or the joint's parent if no edge does."""
+    """Return the joint to which most edges lead from the subtree of `joint`, or the parent if no edge leaves it."""
     inside = shape.subtree(joint)
     edges = face_sides(shape.mesh.faces)
     edges = np.concatenate([edges, edges[:, ::-1]])

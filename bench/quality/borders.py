@@ -9,7 +9,7 @@ from dfd.geometry.topology import face_sides, first_at_place
 
 MOTION = 0.3  # length of the translation, which is perpendicular to the part's axis, as a fraction of the part's length
 SMOOTH = 25.0  # largest fold of a smooth border, in degrees
-LEAST_EDGES = 20  # smallest number of edges in a blend band (where weights are between 0 and 1) that is measured
+LEAST_EDGES = 20  # a blend band, in which weights are between 0 and 1, is measured if it has at least this many edges
 LEGEND = {
     "fold": "median over the handles, in degrees; the fold of a border is the 99th percentile of the changes of "
     f"dihedral angles in the blend band, if the part moves by {MOTION:.0%} of its length",

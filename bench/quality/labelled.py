@@ -1,4 +1,4 @@
-"""Compare weights and parts, found for handles, with parts that people labelled.
+"""Compare the weights and parts of handles with parts that people labelled.
 
 A folder for each category has files `N.off` and `N_labels.txt`. A file of labels has two lines for each part: its name,
 and the indices of its faces, from 1. Source: Kalogerakis et al., "Learning 3D Mesh Segmentation and Labeling", 2010.
@@ -17,7 +17,7 @@ from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
 
-EACH = 4  # number of handles for each label
+EACH = 4  # largest number of handles for each label
 FEW_FACES, FACES = 4_000, 20_000  # number of faces of a sample in a quick and in a full run
 LEGEND = {
     "precision": "average precision with which a ranking of vertices by weight or distance finds the handle's label",
@@ -29,7 +29,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape(Shape):
-    """A mesh with labelled parts. The label of a vertex is the one with the largest area among its faces."""
+    """A mesh with labelled parts. A vertex has the label with the largest area among its faces."""
 
     category: str = ""  # such as "Ant"
 

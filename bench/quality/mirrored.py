@@ -12,8 +12,8 @@ import dfd
 from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
 from dfd.common.linear_algebra import Float64, Int64
 
-EXACT = 0.02  # largest error of a motion that counts as mirrored, as a fraction of the part's size
-SYMMETRIC = 0.01  # largest RMS distance of the two sides from mirror images at rest, as a fraction of the part's size
+EXACT = 0.02  # a motion counts as mirrored if its error is at most this fraction of the part's size
+SYMMETRIC = 0.01  # largest RMS distance between a side at rest and the mirrored other side, divided by the part's size
 ANGLE, PULL = 30.0, 0.2  # angle of the motions in degrees, and translation as a fraction of the part's size
 MOTIONS: dict[str, Any] = {"bend": {"bend": ANGLE}, "twist": {"twist": ANGLE}, "turn": {"rotation": (0.0, 0.0, ANGLE)}}
 LEGEND = {
@@ -27,7 +27,7 @@ LEGEND = {
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two joints that differ only in side, with the vertices of their subtrees. "Left" is the first one in the file."""
+    """Two joints that differ only in side, with their subtrees. "Left" is the side of the first joint in the file."""
 
     vertex: int  # vertex of the handle: the one nearest to the center of the left joint's vertices
     left: Int64  # (N,) vertex indices

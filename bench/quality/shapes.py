@@ -110,7 +110,7 @@ def label_vertices(
     `names` (J,) and `of_vertex` (V,) are the results of `strongest_joints`. Vertices of no part, such as those of a
     sword or a cape, have −1.
     """
-    kinds = np.array([*(kind_of_part(name, patterns) for name in names), None])[of_vertex]  # −1 selects the last, None
+    kinds = np.array([*(kind_of_part(name, patterns) for name in names), None])[of_vertex]  # −1 selects the last: None
     parts = tuple(sorted(part for part, count in Counter(kinds).items() if part is not None and count >= fewest))
     return np.array([parts.index(part) if part in parts else -1 for part in kinds], np.int64), parts
 

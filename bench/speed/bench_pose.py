@@ -9,7 +9,7 @@ def setup_cache() -> MadeInput:
 
 
 class Pose:
-    """Pose with 1 and 100 handles: without a mirror plane, with one, and in a drag that moves one of the handles."""
+    """Pose with 1 and 100 handles: without and with a mirror plane, and in a drag that moves one handle."""
 
     params = (MOTIONS, (1, 100), ("float32", "float64"))
     param_names = ("motion", "handles", "type")

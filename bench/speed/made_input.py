@@ -12,7 +12,7 @@ import dfd
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field.architecture import Architecture
 
-WIDTH = 384  # number of dimensions of a feature, as of a small vision transformer
+WIDTH = 384  # number of dimensions of a feature, the same as in a small vision transformer
 VERTICES = 500_000  # default number of vertices
 MOTIONS = ("pose", "mirrored pose", "drag")
 

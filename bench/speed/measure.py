@@ -25,7 +25,7 @@ class Timing:
 def together(
     calls: dict[str, Callable[[], object]], *, seconds: float = 1.0, least: int = 5, most: int = 400
 ) -> dict[str, Timing]:
-    """Time calls in turn, each `least` to `most` times, so that other programs slow down all calls equally."""
+    """Time calls in turn, so that other programs slow down all calls equally: each call `least` to `most` times."""
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
@@ -44,7 +44,7 @@ def together(
 
 
 def reading(array: NDArray[Any]) -> Callable[[], object]:
-    """Return a call that reads a contiguous array. Its number of bytes must be a multiple of 8."""
+    """Return a call that reads a contiguous array, whose number of bytes must be a multiple of 8."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # torch warns of read-only arrays
         return torch.from_numpy(array.reshape(-1).view(np.int64)).sum

@@ -1,4 +1,4 @@
-"""`python -m bench.speed.session`: time the steps of a session for which a user waits, by the size of the mesh.
+"""`python -m bench.speed.session`: time the steps of a session that make a user wait, for several mesh sizes.
 
 The mesh is a quadruped, subdivided to each size. A separate process for each size measures its peak memory.
 """
@@ -38,7 +38,7 @@ def shape(vertex_count: int) -> dfd.Mesh:
 
 
 def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
-    """Return the seconds of each of `STEPS` in a session; "memory" is the peak memory in GB, minus that of the mesh."""
+    """Return the seconds of each of `STEPS` in a session; "memory" is the peak minus the memory at the start, in GB."""
     mesh = shape(vertex_count)
     before = _resident()
     session = dfd.Deformer(mesh, of_shape, other_shape=True)

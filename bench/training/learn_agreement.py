@@ -1,8 +1,8 @@
 """Learn the probability that a handle transferred to another rig of its family moves the corresponding part.
 
-The handles move the subtrees of some joints of their rig, with an IoU of at least 0.6. A transferred handle is right if
-it does so for the same joints of the other rig. `python -m bench.training.learn_agreement FOLDER…` prints the constants
-of `dfd.editing.agreement`. To test them, it predicts each family by constants that are learned from other families.
+A handle moves the subtrees of some joints of its rig. A transferred handle is right (correct) if it moves those of the
+same joints of the other rig. Both IoUs must be at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
+the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants from the other families.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
-RIGHT = 0.6  # smallest IoU between the moved vertices and the subtrees for a handle that is right
+RIGHT = 0.6  # a handle is right if the IoU between the moved vertices and the subtrees is at least this
 SHARED = 0.6  # handles are transferred to rigs with more than this fraction of the own rig's joint names
 TARGETS = 3  # largest number of rigs to which each handle is transferred
 FAMILY_POWER = 0.5  # the weight of a family is its number of handles, raised to this power

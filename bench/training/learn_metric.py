@@ -29,8 +29,8 @@ from dfd.encoders.learned_file import encoder_identity
 
 REPORT, CACHE = RESULTS / "metric.md", RESULTS / "metric_features"
 DIRECTIONS = 51  # number of discriminant directions; with the 13 kinds of parts, a mapped feature has 64 dimensions
-RIDGE = 1.0  # ridge that is added to the covariance within parts, as a multiple of its mean variance
-POWER = 0.125  # The length of a direction is its ratio (variance between parts / within parts) to this power.
+RIDGE = 1.0  # number that is added to all variances within parts, divided by their mean
+POWER = 0.125  # A direction is multiplied by its ratio (variance between parts / within parts) raised to this power.
 FACES = 20_000  # number of faces of each sample
 EACH, SEEDS = 8, 3  # number of handles that are drawn from every part, and number of draws, to measure precision
 
@@ -41,7 +41,7 @@ HIDDEN = 256
 POINTS = 80  # largest number of vertices that are used of each part
 STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
 DROPPED, DROPPED_UNITS = 0.2, 0.5  # dropout: fractions of the inputs and of the hidden units
-LABEL_SMOOTHING = 0.05  # makes the network less certain of unknown shapes
+LABEL_SMOOTHING = 0.05  # smoothing of the loss, which makes the network less certain about unknown shapes
 FAMILY_POWER = 0.5  # The weight of a family is its number of shapes raised to this power.
 SCALE = 20.0  # factor on features, about √384, so that the magnitudes of the inputs are about 1
 
@@ -137,7 +137,7 @@ def precision(lesson: Lesson, features: Float32) -> float:
 
 
 def report(lessons: Sequence[Lesson]) -> str:
-    """Return a report: precision on each shape by features alone, and by a metric learned without its family."""
+    """Return a report: precision on shapes by features alone, and by a metric learned without the shape's family."""
     rows: list[list[Any]] = []
     gains: dict[str, float] = {}
     for family in dict.fromkeys(each.family for each in lessons):

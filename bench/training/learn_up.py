@@ -30,11 +30,13 @@ from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import StabilityCues
 
 REPORT, VIEWS_CACHE = RESULTS / "up.md", RESULTS / "views_around"
-KEPT = 0.99  # smallest fraction of shapes whose upright axis is the likeliest, or if unsure (see `CLEAR`), the second
-KEPT_OWN = 0.97  # smallest fraction of the samples and shapes from DFD_MESHES whose upright axis is the likeliest
-KEPT_UP = 0.985  # smallest fraction of shapes that are not found upside down
+# Priors are accepted if these statements hold for at least the given fractions of all shapes.
+KEPT = 0.99  # the upright axis is the likeliest, or, if the result is doubtful (see `CLEAR`), the second likeliest
+KEPT_OWN = 0.97  # the upright axis is the likeliest (fraction of the samples and the shapes from DFD_MESHES)
+KEPT_UP = 0.985  # the shape is not found upside down
 Z_SHARE = 0.35  # prior log-odds of ±z in a file, divided by those of +y; many files have z up
-PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)  # priors of +y to try, and differences to −y
+# Prior log-odds of +y to try, and numbers to subtract from them to obtain the prior log-odds of −y.
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -82,14 +84,14 @@ def cached_tokens(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float
 
 
 def learn(lessons: tuple[UpLesson, ...], encoder: Encoder) -> UpProbe:
-    """Return the probe of all lessons. Odds and priors are fitted to each shape's votes, learned without it."""
+    """Return the probe of all lessons. Votes on a shape, for odds and priors, are learned without the shape."""
     votes, odds = learned_votes(lessons).without(), learned_odds(lessons)
     up, down = least_priors(lessons)
     return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *encoder_identity(encoder))
 
 
 def with_priors(odds: Float64, up: int, priors: tuple[float, float]) -> Float64:
-    """Add prior log-odds to `odds` (…, 6): of a file's +y, which is frame `up`, its −y, and its ±z, the next axis."""
+    """Add prior log-odds to `odds` (…, 6): `priors` of a file's +y (frame `up`) and −y, and those of its ±z."""
     z = (up // 2 + 1) % 3
     added = np.zeros(len(FRAMES))
     added[[up, up ^ 1]] = priors
@@ -106,7 +108,7 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
     """Return the index of the likeliest axis, and of its likelier frame, for a file whose +y is frame `up`.
 
     `odds` (7, 6) come from `left_out_odds`. As in `dfd.upright.find_up`, if the pictures around the file's +y make an
-    axis certain, no others are used.
+    axis certain, only these pictures are used.
     """
     axes = of_axes(odds[up])
     sure = np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE
@@ -116,10 +118,7 @@ def decided(odds: Float64, up: int, priors: tuple[float, float]) -> tuple[int, i
 
 
 def least_priors(lessons: tuple[UpLesson, ...]) -> tuple[float, float]:
-    """Return the prior log-odds of a file's +y and −y: the smallest for +y with which enough shapes stay upright.
-
-    `KEPT`, `KEPT_OWN` and `KEPT_UP` define enough. The log-odds of −y are the largest with which enough stay upright.
-    """
+    """Return the first prior log-odds of +y and −y, from `PRIORS` and `LOSSES`, that are accepted (see `KEPT`)."""
     odds = left_out_odds(lessons, "name")
     rows = np.stack([each[-1] for each in odds.values()])
     own = np.array([not name.startswith(LESSONS) for name in odds])

@@ -62,17 +62,17 @@ class UpLesson:
         return UPS @ self.rotation.T
 
 
-Group = Literal["family", "name"]  # to test a shape, either the lessons of its family or only its own is left out
+Group = Literal["family", "name"]  # a shape is tested without the lessons of its family, or without its own lesson
 
 
 class Ridge:
     """Learn one vote by ridge regression, from all lessons or without some of them.
 
-    A vote has J coefficients, each linear in D token values. So its terms form J blocks. All have equal scale.
+    A vote has J coefficients, each linear in D token values. So its terms form J blocks, which are scaled equally.
     """
 
     def __init__(self, terms: Float64, right: Bool, blocks: int) -> None:
-        """Store the terms (L, 12, J D) at six ups of L upright and tilted shapes; `right` (6,) marks correct ups."""
+        """Store terms (L, 12, J D) for six ups of L shapes, upright and tilted. `right` (6,) marks the correct ups."""
         weights = np.repeat([1.0, TILTED], len(FRAMES))
         mean_squares = np.einsum("n,lnd->d", weights, np.square(terms)) / (len(terms) * weights.sum())
         block_squares = mean_squares.reshape(blocks, -1).sum(axis=1)
@@ -106,7 +106,7 @@ class Votes:
         self._vector = Ridge(np.stack(vectors), frames == TRUE, len(VECTORS))
 
     def _terms(self, lesson: UpLesson) -> tuple[Float64, Float64]:
-        """Return the terms (12, J D) of the form and of the vector, minus their means over six ups."""
+        """Return the terms (12, J D) of the form and of the vector, each minus its mean over six ups."""
         forms, vectors = [], []
         for seen, ups in ((lesson.all_seen, UPS), (lesson.tilted, lesson.tilted_ups)):
             tokens = seen.tokens - np.stack([self._mean, np.zeros_like(self._mean)])
@@ -133,7 +133,7 @@ def choices(lesson: UpLesson, probe: UpProbe) -> Choices:
     upright = np.arange(len(FRAMES)) == TRUE
     tilted = []
     cues = lesson.tilted_cues
-    if not np.array_equal(cues.frame(), np.eye(3)):  # else the cues find the axes of the file
+    if not np.array_equal(cues.frame(), np.eye(3)):  # otherwise, the axes of the cues are those of the file
         frames = candidates(cues, cues.frame(), probe.votes(lesson.tilted)[0])
         evidence = np.stack([cues.evidence(frame) for frame in frames])
         terms = probe.terms(lesson.tilted, frames[:, 1], evidence)

@@ -55,7 +55,7 @@ class Lesson:
 
     @cached_property
     def scatters(self) -> tuple[Float64, Float64]:
-        """Return the covariance matrices within and between parts, of D + BANDS rows, divided by their summed trace."""
+        """Return covariance matrices within and between parts, with D + BANDS rows, divided by the trace of the sum."""
         every = np.concatenate([self.features, np.float32(THICKNESS) * self.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]

@@ -1,7 +1,7 @@
 """Compute biharmonic coordinates on tetrahedra, by a direct solve and by the small system of OptCtrlPoints.
 
 Sources: Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
-Both factor the energy matrix, which the Python bindings of libigl do not return. So this module assembles the matrix.
+Both methods factor the energy matrix, which libigl's Python bindings do not return. So this module assembles it.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ Solve = Callable[[Int64], Float64]  # maps the distinct nodes (K,) of K handles 
 
 
 def coordinates(body: Body) -> Bind:
-    """Prepare weights of least biharmonic energy, 1 at one handle and 0 at the others. They reproduce affine maps."""
+    """Prepare weights of least biharmonic energy: 1 at a handle, 0 at all others. Weights reproduce affine maps."""
     return _binding(body, direct(body.within))
 
 

@@ -23,8 +23,8 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # time limit for all steps of one peer on one shape, without its tetrahedra, seconds
-FILLING_PATIENCE = 900.0  # time limit for the tetrahedra of one shape, seconds
+PATIENCE = 300.0  # time limit in seconds for all steps of one peer on one shape, except its tetrahedra
+FILLING_PATIENCE = 900.0  # time limit in seconds for the tetrahedra of one shape
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the bounding box's diagonal
 MOST_FACES = 6_000  # largest number of faces of a surface that is filled; more would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
@@ -104,7 +104,7 @@ def run(
     """Run `jobs` on one shape with one peer, in a separate process, within `patience` seconds.
 
     Tetrahedra have edges of `edge` times the diagonal. They fill a copy of the shape with at most `most_faces` faces,
-    within `FILLING_PATIENCE`. If `most_faces` is None, they fill the shape itself, within another `patience` seconds.
+    within `FILLING_PATIENCE` seconds. If `most_faces` is None, they fill the shape itself, within `patience` seconds.
 
     Raises PeerError if the peer does not support the shape or the handles, fails, crashes or takes too long.
     """

@@ -52,7 +52,7 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
         build = partial(build_diffusion, smoothing=smoothing, seed=seed)
-        # `build` mostly uses one core, so it runs while the encoder uses the others.
+        # `build` mostly uses one core, so it runs while the encoder uses the other cores.
         with beside(lambda: [build(each, TokenGrid(each, side, side)) for each in views]) as problems:
             tokens = np.split(encode(), len(views))
         by_up = []

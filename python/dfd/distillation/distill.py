@@ -79,9 +79,9 @@ def distill(
     Returns
     -------
     Field. `field.settings` holds all settings, the encoder's block and precision, whether background patches were
-    encoded, and the loss of every step. "up_direction" and "up_confidence" describe the up direction. "up_source" is
-    "said" unless `up` is "auto". If `up` is "auto", "up_source" is "file" for the file's +y, "found" for another
-    direction, or "averaged" if the features of two directions are combined.
+    encoded, and the loss of every step. "up_direction" and "up_confidence" describe the up direction. If `up` is
+    "auto", "up_source" is "file" for the file's +y, "found" for another direction, or "averaged" if the features of two
+    directions are combined. Otherwise, "up_source" is "said".
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
     ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot

@@ -89,7 +89,7 @@ def _gradients(
     The batch is `points` (B, 3) and their targets `wanted` (B, d). If `bfloat16` is True, matrix products use bfloat16.
 
     On the CPU, threads compute chunks of the batch, and the gradients of the chunks are added in order. torch's own
-    threads would synchronize many times per step, and be up to twenty times slower on a busy machine.
+    threads would synchronize many times per step. On a busy machine, this is up to twenty times slower.
     """
     parameters = list(network.parameters())
 
@@ -129,7 +129,7 @@ def _batches(
 
 
 class Adam:
-    """The optimizer Adam by torch's fused function; torch's class imports a compiler, which takes two seconds."""
+    """The optimizer Adam, by torch's fused function. torch's own class imports a compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -179,7 +179,7 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE), because few points are noisy.
+# Residuals of a connected component with n points are multiplied by n / (n + SHRINKAGE): if n is low, they are noisy.
 SHRINKAGE = 10
 
 

@@ -3,9 +3,9 @@
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
 not show thickness, which also distinguishes parts (`dfd.distillation.thickness`). So a linear map projects features and
 thickness to Fisher's discriminant directions, learned from labelled shapes (`python -m bench.training.learn_metric`).
-Each direction is weighted by the variance between parts divided by the variance within parts. A classifier appends
-square roots of the probabilities of kinds of parts, such as leg or head. Mapped features have unit length and about the
-same mean distance as the encoder's features, so 1 − distance is still a useful weight.
+The weight of a direction is a power of the ratio (variance between parts) / (variance within parts). A classifier
+appends square roots of the probabilities of kinds of parts, such as leg or head. Mapped features have unit length and
+about the same mean distance as the encoder's features, so 1 − distance is still a useful weight.
 
 The map is applied before the fit, so the field's features are mapped features.
 """
@@ -64,7 +64,7 @@ class Metric:
         *,
         mean: Float32 | None = None,
     ) -> Float32:
-        """Map `features` (N, D), and return rows of unit length, (N, d), or (N, d + K) with K kinds of parts.
+        """Map `features` (N, D) to rows of unit length: (N, d), or (N, d + K) with a classifier of K kinds of parts.
 
         `thickness` (N, BANDS) holds the thickness bands at the points of `features`. The mean distance of returned rows
         is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None averages `features`.

@@ -15,7 +15,7 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-LENGTHS = ("steps", "epochs")  # settings of the length of a fit, of which exactly one is not None
+LENGTHS = ("steps", "epochs")  # names of the two settings of the fit's length; exactly one of the two is not None
 
 
 def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:

@@ -15,7 +15,7 @@ The missing quarter is due to differences between pictures, not between parts.
 
 An encoder can give different features to a left part and a right part. So weak links (further terms w ‖Z_i − Z_j‖²)
 connect each sample i with samples j near its mirror image. The weight w of a link is higher for similar samples. The
-mirror plane is the best of the bounding box's three middle planes.
+mirror plane is that middle plane of the bounding box for which the sum of these weights is largest.
 
 Smooth features vary mainly along a few directions. So only these principal directions are smoothed and fitted. The
 field's last layer maps the fitted values back to features of full dimension.
@@ -41,7 +41,7 @@ from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-if TYPE_CHECKING:  # imported in `_factors`, which runs on another thread beside the encoder
+if TYPE_CHECKING:  # `_factors` imports this module on another thread, while the encoder runs
     from scipy.sparse.linalg import SuperLU
 
 SURFACE_SAMPLES = 12_000  # number of surface samples; their mean spacing is about 0.02 in normalized coordinates
@@ -76,7 +76,7 @@ class DiffusionProblem:
     confidence: Float64  # (N,) visibility c_i of each sample
     links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
     factors: SuperLU  # LU factors of the linear system (see `_factors`) without mirror links
-    generator: np.random.Generator  # the source of the remaining random numbers
+    generator: np.random.Generator  # the source of the random numbers of `smooth_along_surface`
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
@@ -232,9 +232,9 @@ def _links(
     linked: Callable[[Int64, Int64], Bool],
     weight: float,
 ) -> tuple[Int64, Int64, Float64]:
-    """Return links from each sample in `ends` to the nearest other samples in `others`.
+    """Return those links from samples in `ends` to the nearest other samples in `others` for which `linked` is True.
 
-    `linked` selects the links. The returned arrays are first ends, second ends, and weights: `weight` / `neighbors`.
+    The result is the first ends, the second ends, and the weights, which all equal `weight` / `neighbors`.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

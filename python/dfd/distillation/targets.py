@@ -99,9 +99,9 @@ class TokenGrid:
         return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """Return a matrix (count, tokens) whose row g averages the interpolated tokens at the points of group g.
+        """Return the matrix (count, tokens) whose product with the tokens is the mean interpolated token of each group.
 
-        `group` (B,) is the group of each of the points `chosen` (B,). Rows of empty groups are 0.
+        `group` (B,) is the group of each of the points `chosen` (B,). Rows of groups without points are 0.
         """
         indices, weights = self.corners(chosen)
         size = np.bincount(group, minlength=count)
@@ -109,7 +109,10 @@ class TokenGrid:
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
-        """Return the index of the last of `count` tokens before each `pixel` (B,), and the weight of the next token."""
+        """Return the index of the token before each `pixel` (B,), and the weight of the token after it.
+
+        `pixel` is a row or a column of the picture. Along this axis, the picture has `count` tokens.
+        """
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -153,11 +156,11 @@ class PixelTargets(Targets):
 
 
 def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArray[np.floating]) -> PointTargets:
-    """Return targets whose squared feature distances are weighted means of those for several up directions.
+    """Combine the targets for several up directions; squared distances of features become weighted means.
 
-    `by_up` are the targets for each up direction, and `shares` are the weights of the directions, which sum to 1. All
-    targets have equal points, except for points that diffusion did not reach. The concatenated features are projected
-    to principal directions, so that the result has as many dimensions as the first targets.
+    `by_up` contains the targets for each up direction. `shares` are the weights of these directions, with sum 1. The
+    targets have the same points, except points that the diffusion for a direction did not reach. The concatenated
+    features are projected to principal directions, so that the result has as many dimensions as the first targets.
     """
     if len(by_up) == 1:
         return by_up[0]
@@ -172,7 +175,7 @@ def side_by_side(by_up: Sequence[PointTargets], shares: Sequence[float] | NDArra
 def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
     """Return `rows` (N, D), scaled about their mean and then to unit length, so that their mean distance is `distance`.
 
-    The factor lies in [`least`, `LARGEST_STRETCH`]. The mean distance of random pairs of rows determines the factor.
+    The scaling factor lies in [`least`, `LARGEST_STRETCH`]. The mean distance is estimated from random pairs of rows.
     """
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)

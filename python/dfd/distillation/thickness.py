@@ -61,9 +61,9 @@ def thicknesses(
     scene
         The shape, normalized.
     corners, points
-        (N, 3, 3) the corners of each point's face, and (N, 3) the points.
+        The corners (N, 3, 3) of the face on which each point lies, and the points (N, 3).
     component
-        (N,) the connected component of each point; None if there is only one. If equally many rays of a point hit on
+        The connected component (N,) of each point; None if there is only one. If equally many rays of a point hit on
         both sides, all rays of its component decide which side is inside.
     """
     edges = corners[:, 1:].astype(np.float64) - corners[:, :1]

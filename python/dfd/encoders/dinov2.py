@@ -21,9 +21,9 @@ from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, EncoderWeights, check_fit, unreadable, weight_files
 
 # Largest token dimension D of a network that skips background. Wider networks store global information in the tokens
-# of background patches (Darcet et al.). Without these patches, this information would be in patches of the shape.
+# of background patches (Darcet et al.). Without them, tokens of the shape would store this information.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# Old and current parts of tensor names: files that older versions of transformers wrote have the old ones.
+# Old parts of tensor names, and the current parts. Files from older versions of transformers have the old names.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -122,7 +122,7 @@ class Dinov2(nn.Module):
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return a DINOv2 with `weights`, without the blocks after `block`, counted from 1; None keeps all blocks.
+    """Return a DINOv2 with `weights` that consists of the first `block` blocks; None keeps all blocks.
 
     Call this function only if `takes(weights.config)` is True. Raises ValueError if the configuration is invalid, the
     block is out of range, or tensors do not fit the configuration. Raises OSError if a weight file cannot be read.

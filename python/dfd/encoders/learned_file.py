@@ -42,9 +42,9 @@ def read_learned(
     """Return the arrays of a learned file, and the `encoder_identity` of the encoder for which they were learned.
 
     `kind` names the type of data and its version. `shapes` maps the name of each array to its array shape, in which a
-    name such as "D" stands for any number, but always the same. The file must have all arrays of `optional`, or none.
+    name such as "D" stands for any number, equal in all arrays. The file must have all arrays of `optional`, or none.
 
-    Raises ValueError, with `function` in the message, if the file is no complete .safetensors file of this `kind`.
+    Raises ValueError, with `function` in the message, if the file is not a complete .safetensors file of this `kind`.
     Raises ValueError if an array has another shape or is not finite. Raises OSError if the file cannot be read.
     """
     name = os.fspath(path)

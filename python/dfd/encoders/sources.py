@@ -76,7 +76,7 @@ def _hub_name(name: str) -> str | None:
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """Return the folder, named by revision, of the model `hub` in the hub's cache; None if a file is missing."""
+    """Return the folder of the model `hub` in the hub's cache, named by revision; None if a file is missing."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:
@@ -112,7 +112,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         problem = f"{hub} needs its license accepted on {constants.ENDPOINT}, and a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ArgumentError("encoder", f"must be a model of {constants.ENDPOINT}, got {hub!r}") from None
-    except Exception as error:  # for errors of the connection and of the hub, the three remedies are the same
+    except Exception as error:  # whatever the error of the connection or the hub, the remedies are the same
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     raise FileNotFoundError(
         f"load_encoder: the weights of `encoder` {name!r} were not found. There are three remedies: "

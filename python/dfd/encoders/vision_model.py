@@ -10,7 +10,7 @@ from dfd.encoders.weight_files import ChannelStats
 
 @dataclass(frozen=True)
 class VisionModel:
-    """A network without the blocks after `block`, counted from 1; the whole network has `depth` blocks.
+    """A network that consists of the first `block` of its `depth` blocks.
 
     `tokens` maps normalized images (n, 3, H, W) to tokens (n, H / patch, W / patch, D). H and W are multiples of `step`
     pixels, or exactly `fixed_size` if it is set. The second argument of `tokens`, bool (n, H / patch, W / patch),

@@ -27,7 +27,7 @@ IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 class EncoderWeights:
     """Weights of a network: either `folder` contains their files, or `tensors` maps their names to arrays.
 
-    `fingerprint` identifies the weights and their settings. `channels` is None if the files do not define these values.
+    `fingerprint` identifies the weights and their settings. `channels` is None if no file defines mean and deviation.
     """
 
     config: dict[str, Any]
@@ -62,7 +62,7 @@ def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | N
 
 
 def weight_files(folder: Path) -> list[Path]:
-    """Return the files of the tensors in `folder`: a single file, or all files in an index. They need not exist."""
+    """Return the paths of the tensor files in `folder`: one file, or all files in an index. Files may be missing."""
     index = {} if (folder / _SINGLE).is_file() else _read_json(folder / _INDEX) or {}
     return [folder / name for name in sorted(set(index.get("weight_map", {}).values())) or [_SINGLE]]
 
@@ -76,7 +76,7 @@ def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
 def check_fit(
     weights: EncoderWeights, wrong: Iterable[tuple[str, Sequence[int], Sequence[int]]], missing: Iterable[str]
 ) -> None:
-    """Raise ValueError if there are tensors of `wrong` array shape (name, found, required), or `missing` tensors."""
+    """Raise ValueError if tensors have `wrong` array shapes (each: name, found, required), or if any are `missing`."""
     for name, found, wanted in sorted(wrong):
         raise ArgumentError("encoder", f"must have {name} of shape {tuple(wanted)}, got {tuple(found)}")
     lacking = sorted(missing)

@@ -25,7 +25,7 @@ class Architecture:
     dimension: int  # dimension D of a feature
     width: int = 256  # number of neurons of a hidden layer
     layers: int = 4  # number of hidden layers
-    octaves: int = 0  # number of octaves of the positional encoding: further inputs, sines and cosines of coordinates
+    octaves: int = 0  # number of octaves of the positional encoding: sines and cosines of coordinates as further inputs
 
     def __post_init__(self) -> None:
         """Check the sizes."""
@@ -59,7 +59,7 @@ class Architecture:
         return 3 + 6 * self.octaves
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the array shapes of all parameters by name: weight and bias of each linear map and each LayerNorm."""
+        """Return the array shape of each parameter by name. Each linear map and LayerNorm has a weight and a bias."""
         shapes: dict[str, tuple[int, ...]] = {}
         for layer in range(self.layers + 1):
             name, entering = f"network.{3 * layer}", self.width if layer else self.inputs

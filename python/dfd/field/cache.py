@@ -1,4 +1,4 @@
-"""Cache distilled fields in files; the key of a field holds all values on which the field depends.
+"""Cache distilled fields in files. Each field has a key: all values on which the field depends.
 
 Each entry is a file with the name `<hash of the key>-<hash of the file>.safetensors`. Files are written atomically, so
 several processes may use the cache at once. A file is ignored if its content does not match the second hash.
@@ -81,7 +81,7 @@ def _folder() -> Path:
 
 
 def _entries(key_hash: str = "[!.]*") -> list[Path]:
-    """Return the files of the entries with this `key_hash`, or of all entries; unfinished files are left out."""
+    """Return the files of all entries, or of the entries with this `key_hash`. Unfinished files are left out."""
     return list(_folder().glob(f"{key_hash}-*.safetensors"))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dfd.common.files import plain
 from dfd.mesh.mesh import Mesh
 
-# Increase this version with every change that gives another field or file for the same mesh, encoder and settings. The
+# Increase this version if a change of the code gives another field or file for the same mesh, encoder and settings. The
 # cache ignores fields of other versions. The test `test_golden_field.py` fails after such a change.
 FIELD_VERSION = 2
 

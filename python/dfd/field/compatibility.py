@@ -9,15 +9,16 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.mesh import Mesh
 
-# Largest accepted ratio between the longest box sides of the mesh and of the distilled shape. Cut or simplified shapes
-# have a smaller ratio. The same shape in inches and in centimeters, which people often confuse, has the ratio 2.54.
+# A mesh is accepted only if the longest side of its bounding box is at most this factor longer or shorter than that of
+# the distilled shape. For the same shape in inches and in centimeters, a frequent mistake, the factor is 2.54.
 LARGEST_RATIO = 2.0
-# Largest normalized coordinate of the mesh without a warning. The center of the distilled shape's box is at 0, and
-# half of the box's longest side is 1. A tall shape reaches the coordinate 2 if it is rotated about its foot by 90°.
+# A warning is given if a normalized coordinate of the mesh exceeds this. The distilled shape's box is normalized to the
+# center 0 and the longest side 2. A tall shape reaches the coordinate 2 if it is rotated about its foot by 90°.
 WARNED_COORDINATE = 1.5
 POINTS = 512  # number of surface samples that a field stores
 SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
-FAR = 0.02  # a point is far from samples beyond this fraction of the box's diagonal plus the spacing of the samples
+# A point is far from samples if all distances exceed the samples' spacing plus this fraction of the shape's diagonal.
+FAR = 0.02
 # MOST_BEYOND is the largest accepted share of mesh samples that are far from the field's points. MOST_MISSING is the
 # largest accepted share of the field's points that are far from the mesh.
 MOST_BEYOND, MOST_MISSING = 0.1, 0.6
@@ -54,10 +55,10 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
     surface samples, such as a `VertexField`, is compared by its bounding box only. The message names `allowed_by`, the
     public argument that disables this check.
 
-    Raises ValueError if the longest sides of the two bounding boxes differ by more than a factor of 2, or if the mesh
-    lies outside the smallest cube around the distilled shape. Raises ValueError if more than 10 % of the mesh is far
-    from the distilled shape, or more than 60 % of the distilled shape is far from the mesh. Warns if the mesh extends
-    beyond the cube by more than a quarter of the cube's side, because features there are extrapolated.
+    Raises ValueError if the longest sides of the two bounding boxes differ by more than a factor of 2, or if the whole
+    mesh lies outside the smallest cube around the distilled shape. Raises ValueError if more than 10 % of the mesh is
+    far from the distilled shape, or more than 60 % of the distilled shape is far from the mesh. Warns if the mesh
+    extends beyond the cube by more than a quarter of the cube's side, because features there are extrapolated.
     """
     center, scale = field.center, field.scale
     low, high = (np.asarray(mesh.bounds) - center) * scale  # the distilled shape lies in the cube [-1, 1]³
@@ -86,7 +87,7 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
 
 
 def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
-    """Return the share of mesh samples far from the field's points, and the share of these points far from the mesh."""
+    """Return the share of mesh samples far from the field's points, and the share of field points far from the mesh."""
     samples, spacing = _samples(mesh)
     if field.surface is None or samples is None:
         return 0.0, 0.0
@@ -101,7 +102,7 @@ def _differences(field: KnownShape, mesh: Mesh) -> tuple[float, float]:
 
 
 def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
-    """Return evenly spaced samples of `mesh`, (4096, 3), and 1.5 × their mean spacing; None and 0 if the area is 0."""
+    """Return evenly spaced samples of `mesh`, (4096, 3), and 1.5 times their spacing; None and 0 if the area is 0."""
     from dfd.geometry.topology import even_points, face_areas
 
     areas = face_areas(mesh.vertices, mesh.faces)

@@ -78,7 +78,7 @@ class ComponentResiduals:
         return ComponentResiduals(self.boxes, self.points, self.component, differences)
 
     def known(self, boxes: NDArray[np.floating]) -> Int64:
-        """Return for each of `boxes` (Q, 6) the index of the component with a matching box, or −1 without one, (Q,)."""
+        """Return the index (Q,) of the component whose box matches each of `boxes` (Q, 6), or −1 if no box matches."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -90,7 +90,7 @@ class ComponentResiduals:
         """Return the features `rows` (N, D) plus the residuals at normalized `points` (N, 3), scaled to unit length.
 
         A residual is a weighted mean over the `NEIGHBORS` nearest samples on the point's `component` (N,). Weights fall
-        to 0 at the distance of the next sample, so the residual is continuous. Points of component −1 have no residual.
+        to 0 at the distance of the next nearest sample, so residuals are continuous. Component −1 has no residuals.
         """
         result = rows.copy()
         of_some = np.flatnonzero(component >= 0)
@@ -112,7 +112,7 @@ class ComponentResiduals:
         distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the distance of the farthest.
+        # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the farthest one's distance.
         support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(support, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)

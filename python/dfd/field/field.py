@@ -30,8 +30,8 @@ if TYPE_CHECKING:  # torch takes seconds to import, and only tensors need it
 
     from dfd.mesh.mesh import Mesh
 
-# Largest normalized coordinate of a point, relative to the center of the shape's bounding box. The unit is half of the
-# box's longest side. float32 cannot distinguish nearby points with larger coordinates.
+# Largest accepted magnitude of a normalized coordinate, (p − `center`) · `scale` for a point p. float32 cannot
+# distinguish nearby points with larger coordinates.
 FARTHEST = 1e6
 RESIDUALS = "residuals."  # prefix, in field files, of the names of the arrays of `ComponentResiduals`
 
@@ -71,7 +71,7 @@ class Field:
     parameters
         Arrays by their names in `dfd.field.architecture`: weight and bias of each linear map and each LayerNorm.
     octaves
-        The number of wavelengths of the sines and cosines, each half of the previous one. 0 gives the paper's network.
+        The number of wavelengths of the sines and cosines. Each wavelength is half of the previous one; 0 in the paper.
     center
         The center (3,) of the shape's bounding box, in mesh units. The normalization maps it to the origin.
     scale
@@ -172,7 +172,7 @@ class Field:
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """Return a copy of the field with these `residuals`, or without any; ValueError if their dimension is not D."""
+        """Return a copy of the field with these `residuals`, or with none; ValueError if their dimension is not D."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -307,7 +307,7 @@ class FieldOnMesh:
 
     @cached_property
     def _component(self) -> Int64 | None:
-        """Return each vertex's component index in the residuals, (V,); −1 without a match; None without residuals."""
+        """Return the index (V,) of each vertex's component in the residuals, or −1; without residuals, return None."""
         if self.field.residuals is None:
             return None
         component, boxes = components_of_vertices(self.mesh)

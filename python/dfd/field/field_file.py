@@ -1,4 +1,4 @@
-"""Read and write field files: safetensors, with the architecture and the settings in the metadata."""
+"""Read and write field files: safetensors files with the architecture and the settings in the metadata."""
 
 import json
 import os

@@ -13,7 +13,7 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
 from dfd.field.field import Field
-from dfd.mesh.mesh import MeshLike
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.mesh.normalization import normalization
 
 ROWS_AT_ONCE = 1 << 16  # number of rows that are scaled at a time, to limit memory
@@ -30,7 +30,7 @@ class VertexField(Field):
     mesh
         The mesh to whose vertices `features` belong.
     features
-        (V, D), one row per vertex. Rows are scaled to unit length.
+        (V, D) array with one row per vertex. Rows are scaled to unit length.
     settings
         A description of the source of the features, as JSON values.
 
@@ -38,8 +38,6 @@ class VertexField(Field):
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
-        from dfd.mesh.mesh import as_mesh  # imports SciPy, which the help of commands does not need
-
         mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
         if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
@@ -62,7 +60,7 @@ class VertexField(Field):
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
-        """Return the features (N, D) of `points` (N, 3) in mesh units; for a tensor, a tensor without gradient."""
+        """Return the features (N, D) of `points` (N, 3) in mesh units. A tensor gives a tensor without gradient."""
         if tensors.is_tensor(points):
             import torch
 
@@ -75,8 +73,6 @@ class VertexField(Field):
 
     @cached_property
     def _nearest(self) -> cKDTree:
-        from scipy.spatial import cKDTree
-
         return cKDTree(self._places)
 
 

@@ -16,7 +16,7 @@ HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), 
 LARGEST_SAMPLE = 20_000  # largest number of features from which the principal directions are computed
 PERCENTILES = (1.0, 99.0)  # percentiles of a principal component that get the lowest and the highest color value
 
-# Matrices of the color space Oklab (Ottosson 2020): linear sRGB to cone responses, and their cube roots to Oklab.
+# Color space Oklab (Ottosson 2020): _TO_CONE maps linear sRGB to cone responses, _TO_LAB their cube roots to Oklab.
 _TO_CONE = np.array(
     [
         [0.4122214708, 0.5363325363, 0.0514459929],
@@ -50,8 +50,8 @@ def weight_colors(weights: ArrayLike) -> Float32:
 def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
     """Return sRGB colors (V, 3), in [0, 1], that show the first three principal components of `features` (V, D).
 
-    The components are red, green and blue. The 1st percentile of a component gets the lowest value, and the 99th
-    percentile the highest. In each principal direction, the entry of largest magnitude is positive.
+    The components give red, green and blue. The 1st percentile of a component gets the lowest color value, and the 99th
+    percentile gets the highest. In each principal direction, the entry of largest magnitude is positive.
 
     Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
@@ -76,7 +76,7 @@ def feature_colors(features: ArrayLike | CompactFeatures) -> Float32:
 
 
 def part_colors(labels: ArrayLike) -> Float32:
-    """Return sRGB colors (V, 3), in [0, 1], of parts; `labels` (V,) are their indices. Each part has its own hue.
+    """Return sRGB colors (V, 3), in [0, 1], of parts, each with its own hue. `labels` (V,) are indices of parts.
 
     Raises ValueError if `labels` is not a one-dimensional array of numbers of at least 0.
     """

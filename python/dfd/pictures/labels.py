@@ -105,7 +105,7 @@ BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
 RADIUS, SMALLEST = 0.013, 2.0  # radius of a mark, as a fraction of the picture's side; smallest radius, in pixels
 RIM = 1.4  # outer radius of the white rim around a mark, divided by the radius of the mark
 HIDDEN = 0.3  # opacity of a mark that the shape hides
-INSIDE = 0.02  # a mark is hidden if the surface is more than this in front of it; the shape lies in [−1, 1]³
+INSIDE = 0.02  # a mark is hidden if a surface lies more than this distance in front of it; the shape lies in [−1, 1]³
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:

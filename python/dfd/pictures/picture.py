@@ -31,7 +31,7 @@ CREASE = 30.0  # if smooth and face normals differ by more than this angle, in d
 
 # Brightness of the sky above, of the ground below, and of a lamp above and to the left of the camera.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
-LAMP_OFFSET = (-0.45, 0.60)  # components of the lamp's direction to the right and up; to the camera, it is 1
+LAMP_OFFSET = (-0.45, 0.60)  # components of the lamp's direction to the right and up; the component to the camera is 1
 SHADE_RAYS = 2  # number of rays per sample that test ambient occlusion
 # Ordered dither: the 4 × 4 samples of a tile cast occlusion rays in different directions.
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16
@@ -130,7 +130,7 @@ def picture(
 
 
 def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8) -> None:
-    """Write a picture atomically. It is a PIL image, or a uint8 array of shape (height, width, 3).
+    """Write a picture atomically. `image` is a PIL image, or a uint8 array of shape (height, width, 3).
 
     Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; an existing file
     is then unchanged.

@@ -31,7 +31,7 @@ def save_sheet(
     advance: Callable[[], object] = lambda: None,
     **options: Any,
 ) -> None:
-    """Write pictures of each row from `views` sides. A single picture fills the file. Several form a contact sheet.
+    """Write pictures of each row from `views` sides. Several pictures form a contact sheet.
 
     Each of `rows` has a title and keyword arguments of `picture`. `azimuth` is the camera's azimuth for the first side,
     in degrees. By default, this camera faces the row's handles. `elevation`, `zoom`, `resolution` and `options` are as

@@ -12,11 +12,11 @@ from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees
-ASIDE = 25.0  # angle in degrees between the camera's azimuth and the direction of the points, to show depth
+ASIDE = 25.0  # angle in degrees between the azimuths of the camera and of the points; an oblique view shows depth
 
 
 def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
-    """Return the azimuth in degrees of `points` (N, 3) from the mesh's center, or 0 without points, plus `ASIDE`."""
+    """Return the azimuth of `points` (N, 3) about the mesh's center, or 0 without points, plus `ASIDE`, in degrees."""
     outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
     return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
