@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    # This warning lists the settings that --quick changes. Each page lists them, too.
+    # With --quick, fields have other settings than the paper's. Each page says this, so `Deformer`'s warning is hidden.
     warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
     context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:

@@ -28,7 +28,7 @@ from dfd.geometry.topology import face_components, face_sides, first_at_place, i
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-PATIENCE = (40.0, 600.0)  # seconds, in a quick and a full run: limit for tetrahedra, and for all other steps together
+PATIENCE = (40.0, 600.0)  # seconds, in a quick and a full run: limit for tetrahedra, and again for the other steps
 PEER_HANDLES = 10  # handles when a peer is timed; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
@@ -48,7 +48,7 @@ EDGES = (0.05, 0.03, 0.02, 0.014, 0.01, 0.007, 0.005)  # edge lengths of tetrahe
 
 TICKED = dict.fromkeys(("spot", "quadruped"))
 TICKED_FACES = ((1_000, 8_000), (4_000, 32_000))
-MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # limits for ticks; the text of `table1` explains them
+MORE, FOLLOWED, FRAME = 8, 0.3, 1 / 30  # thresholds at which `table1` gives a method a ✓; see its text
 FOOT = BoxHandle((0.2, 0.0, 0.2), (0.0, -0.15, 0.0))
 PROPERTIES = ("global semantics", "local control", "size robust", "new handle")
 TICKS = {"ARAP": "-x--", "biharmonic": "-x--", "NeuralMLS": "-xx-", "DFD": "xxxx"}  # x: the paper ticks this property
@@ -128,8 +128,8 @@ def plot(rows: Sequence[Row]) -> Any:
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     """Return the numbers of non-manifold elements and of holes, as in Fig. 18, and the boundary edges (B, 2).
 
-    Vertices at the same position are merged first. Non-manifold elements are edges with more than two faces, and
-    vertices without such an edge whose faces do not form one fan. Holes that share a vertex count as one.
+    Vertices at the same position are merged first. Edges with more than two faces are non-manifold elements. All other
+    vertices also count if their faces do not form one fan. Holes that share a vertex count as one.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-# Parts that every character has, each with a pattern for the names of its joints in lower case. The first match counts.
+# For `shapes.characters`: parts that every character has, with patterns for joint names. The first match counts.
 MERGED = (
     ("head", r"head|neck|jaw|eye"),
     ("hand", r"hand|wrist|finger|thumb"),
@@ -12,7 +12,7 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# Kinds of parts of animals and people, each with a pattern for the names of its joints. The first match counts.
+# For `shapes.rigs`: finer kinds of parts of animals and people, with patterns for joint names. The first match counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
@@ -59,5 +59,5 @@ def kind_of_part(joint: str, patterns: Sequence[tuple[str, str]] = KINDS) -> str
 
 
 def family_of(name: str) -> str:
-    """Return the family in `FAMILIES` of a sample's name or a file's name without ending; if none, return the name."""
+    """Return the first family in `FAMILIES` with a word that `name`, of a sample or file, contains; if none, `name`."""
     return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)

@@ -56,7 +56,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
         }
-        hint="Only this region moves. Use the brush to paint another region."
+        hint="The handle moves only this part or region. Use the brush to paint another region."
         value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
@@ -98,7 +98,7 @@ const MOTIONS = {
   scale: ["scale", "Scale", "Factors along x, y and z"],
 } as const;
 
-/** Return fields for the transform of a handle, or of the rest of the shape. */
+/** Return input fields for the translation, rotation and scale in `now`. `of` is appended to the labels. */
 export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
   const steps = { translation: step, rotation: 1, scale: 0.05 };
   const field = (name: keyof typeof MOTIONS) => {
@@ -186,12 +186,12 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
 type Way = readonly [way: PartChange, hint: string];
 
 const SIZES: readonly Way[] = [
-  ["smaller", "Give the handle the next smaller part ([)"],
-  ["larger", "Give the handle the next larger part (])"],
+  ["smaller", "Give the handle the next smaller part (key [)"],
+  ["larger", "Give the handle the next larger part (key ])"],
 ];
-/** Regions, other than parts, that a handle can move. */
+/** Instead of a part, a handle can hold one of these regions. */
 const UNITS: readonly Way[] = [
-  ["scene_part", "Give the handle the whole scene part"],
+  ["scene_part", "Give the handle the whole scene part, such as an object"],
   ["material", "Give the handle all faces with this material"],
   ["component", "Give the handle the whole connected component"],
 ];
