@@ -128,8 +128,8 @@ def plot(rows: Sequence[Row]) -> Any:
 def defects(mesh: dfd.Mesh) -> tuple[int, int, Int64]:
     """Return the numbers of non-manifold elements and of holes, as in Fig. 18, and the boundary edges (B, 2).
 
-    Vertices at the same position are merged first. Edges with more than two faces are non-manifold elements. All other
-    vertices also count if their faces do not form one fan. Holes that share a vertex count as one.
+    Vertices at the same position are merged first. Edges with more than two faces are non-manifold elements.
+    Vertices without such an edge also count if their faces do not form one fan. Holes that share a vertex count as one.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
