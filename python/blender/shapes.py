@@ -19,7 +19,7 @@ from dfd.field.compatibility import check_compatible
 
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
-SAME_BOX = 1e-3  # a `_box_difference` that is larger by at most this counts as equal; simplification changes boxes
+SAME_BOX = 1e-3  # two values of `_box_difference` count as equal up to this; simplifying a mesh changes its box
 
 
 class Shape:
@@ -65,6 +65,6 @@ def _box_difference(field: dfd.Field, mesh: dfd.Mesh) -> float:
 
 
 def _fits_y_up(field: dfd.Field, mesh: dfd.Mesh) -> bool:
-    """Return whether the mesh fits the field's box better after `_y_up`, or equally well: most fields have y up."""
+    """Return whether the mesh, turned to y up, fits the field's box at least as well as the unchanged mesh."""
     same, turned = _box_difference(field, mesh), _box_difference(field, dfd.Mesh(_y_up(mesh.vertices), mesh.faces))
     return turned <= same + SAME_BOX

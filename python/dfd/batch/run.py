@@ -115,7 +115,7 @@ def _on_ray(
     task = ray.remote(max_retries=RETRIES, **options)(_task)
     waiting, running, late = deque(shapes), dict[Any, tuple[Shape, float]](), set[Any]()
     while waiting or running:
-        while waiting and len(running) < most_running:  # Ray starts the task at once: its time limit begins now
+        while waiting and len(running) < most_running:  # Ray starts each task at once, and its time limit begins
             shape = waiting.popleft()
             running[task.remote(root, shape, settings, resources.threads)] = shape, time.monotonic()
         ended, _ = ray.wait(list(running), timeout=1.0)

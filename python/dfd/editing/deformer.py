@@ -37,7 +37,7 @@ class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
     Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. For a
-    new handle, only its weights are computed. With a linear blend, most frames of a drag skip handles that do not move.
+    new handle, only its weights are computed. With a linear blend, most frames of a drag compute only moving handles.
 
     Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
@@ -61,8 +61,8 @@ class Deformer(History):
         Whether to accept a field of another shape.
 
     Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
-    None and `other_shape` is False, also raises ValueError if the field was distilled from another shape, and warns if
-    vertices lie far outside that shape's bounding box (`dfd.field.compatibility.check_compatible`).
+    None and `other_shape` is False, `dfd.field.compatibility.check_compatible` checks the field. A field distilled from
+    another shape raises ValueError. Vertices far outside the bounding box of the field's shape cause a warning.
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
@@ -194,8 +194,8 @@ class Deformer(History):
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
-        `weights` change only with the reach "part", and only in the blend band, a strip along the border of the part.
-        The farther a motion shifts this border sideways, not towards the part's middle, the wider is the band.
+        With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's border.
+        The band gets wider if the border moves across the direction from the border to the part's middle.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -327,7 +327,7 @@ class Deformer(History):
         threshold: float | Literal["relative"] | None = None,
         merge: bool = False,
     ) -> None:
-        """Set the plane of symmetry. Vertices on its other side follow a handle's mirrored transform (Eq. 8).
+        """Set the plane of symmetry. Vertices beyond it, seen from a handle, follow the mirrored transform (Eq. 8).
 
         Parameters
         ----------
@@ -386,7 +386,7 @@ class Deformer(History):
 
     @property
     def following(self) -> Float32:
-        """Return the weights (V, H) of handles, in which each column is a sum over the counterparts that move."""
+        """Return the weights (V, H) with which vertices follow the handles. Counterparts that do not move have none."""
         return self.bound.following(self.edit)
 
     @property
@@ -430,8 +430,8 @@ class Deformer(History):
     ) -> Deformer:
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. If the
-        file also describes another mesh, this causes a warning. `other_shape` accepts an edit or a field of another
+        If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. This
+        causes a warning if the edit was made on another mesh. `other_shape` accepts an edit or a field of another
         shape, and keeps all positions and lengths. To transfer an edit by features, use `dfd.editing.transfer`.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.

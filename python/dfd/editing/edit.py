@@ -38,8 +38,7 @@ class Handle(Brief):
     Raises ValueError if `id` is below 1, `name` is no text, or the values of `transform` give no finite matrix.
     """
 
-    # id: an identifier that never changes. No other handle of a session gets it, even after this handle is removed.
-    id: Annotated[int, About("Identifier; by default the smallest number that no handle of the file has.", 1.0)]
+    id: Annotated[int, About("Identifier, never reused in a session; if a file omits it, the smallest free one.", 1.0)]
     place: Place  # on the resting shape
     transform: Transform = field(default_factory=Transform)
     controls: Controls = field(default_factory=Controls)
@@ -185,7 +184,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
     """Return `edit` with another `preset`, which also sets the reach, falloff and counterparts of every handle.
 
-    The plane of symmetry gets the band of the preset. Raises ValueError if the preset is unknown.
+    The plane of symmetry gets the preset's band width (see `band_on`). Raises ValueError if the preset is unknown.
     """
     controls = PRESETS[check.choice("Edit", "preset", preset, Preset)].handle
     handles = (replace(handle, controls=replace(handle.controls, **controls)) for handle in edit.handles)

@@ -182,8 +182,8 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh, *, other_shape: bool = False) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. If the
-    file also describes another mesh, this causes a warning. `other_shape` also accepts an edit of another shape.
+    If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. This
+    causes a warning if the edit was made on another mesh. `other_shape` also accepts an edit of another shape.
 
     Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
     """

@@ -27,7 +27,7 @@ class KeyPose:
 
     seconds: float  #: Time of the pose in the animation, at least 0
     transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By handle id; all other handles are at rest
-    name: str = ""  #: A name for display; glTF stores it only for morph targets
+    name: str = ""  #: Name for display; a glTF file has it only as the name of a morph target
 
     def __post_init__(self) -> None:
         keep = object.__setattr__
@@ -58,7 +58,7 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
         unknown = sorted(set(pose.transforms) - known)
         if unknown:
             ids = ", ".join(map(str, sorted(known))) or "none"
-            raise ArgumentError("poses", f"must be of handles of the edit ({ids}), got handle {unknown[0]}", function)
+            raise ArgumentError("poses", f"must use handles of the edit ({ids}), got handle {unknown[0]}", function)
     return tuple(poses)
 
 
@@ -99,8 +99,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     `handle` is the id of its handle, `translation` is in mesh units, and `rotation` is a rotation vector in degrees.
     `scale`, `pivot`, `axes`, `bend`, `twist` and `joint` are as in an edit file.
 
-    Raises OSError if the file cannot be read. Raises ValueError if it is malformed; the message names the field and the
-    value found there.
+    Raises OSError if the file cannot be read. Raises ValueError if it is malformed; the message names the JSON
+    key and its value.
     """
     text = Path(path).read_bytes()
     try:

@@ -1,7 +1,7 @@
 """Fit the axis of a part: a curve from its base, where the part meets the rest of the shape, to its tip.
 
-The parameter of the curve is 0 at the base and 1 at the tip. Regions that only the part connects to the rest of the
-shape, such as a hoof, are attached to the part and move with it. A node is a group of nearby vertices of the mesh
+Each point of the curve has a parameter: 0 at the base, 1 at the tip. A region that is connected to the shape only
+through the part, such as a hoof, is attached to the part and moves with it. A node is a group of nearby mesh vertices
 (`dfd.geometry.coarse`), except in `PartAxis.nodes`, which are points of the curve.
 """
 
@@ -24,18 +24,18 @@ SAMPLES = 4_000  # number of surface samples of the part, to which the curve is 
 # Each point of the curve is an average of samples, weighted by a Gaussian kernel. The kernel's standard deviation is
 # the larger of two values: WIDTH times the part's length, and WIDE times the part's radius.
 WIDTH, WIDE = 0.08, 0.5
-STOUT = 0.4  # above this ratio of a part's radius to its length, parameters are scaled distances from the base
+STOUT = 0.4  # if a part's radius divided by its length is above this, its nodes keep their first parameters (`_curve`)
 ENDS = (0.005, 0.995)  # quantiles of the parameters between which the curve runs, so that no outlier sets the tip
 ROUNDS = 3  # number of rounds, each of which fits the curve and projects the samples onto it
 FARTHEST = 0.2  # largest difference between a point's parameter on the curve and its scaled distance from the base
-RISE = 0.6  # distance from the base over which parameters rise smoothly from 0, divided by the radius at the base
+RISE = 0.6  # distance from the base, in radii there, up to which a factor of the parameters rises smoothly from 0 to 1
 NEAR_JOINT = 0.12  # joints whose parameter differs from the handle's by at most this are preferred
 SLENDER = 0.75  # the length of a limb, divided by its width, is above this
 # A wheel is a part with these variances along its principal axes: the middle variance is above ROUND times the largest,
 # and the smallest variance is below FLAT times the largest.
 ROUND, FLAT = 0.95, 0.7
-ATTACHED = 0.5  # regions beside a part are attached if their area is at most this share of the largest such region's
-SMALL_COMPONENT = 0.05  # components of a region have no axis if their area is at most this share of the largest one's
+ATTACHED = 0.5  # a region beside a part is attached to it if its area is at most this share of the largest such area
+SMALL_COMPONENT = 0.05  # a component of a part has no axis if its area is at most this share of the largest component's
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class PartAxis:
     border: Float64  # (B, 3) positions at the border with the rest of the shape, or at one end if there is no rest
     borders: int  # number of separate borders with the rest of the shape
     middle: Float64  # (3,) center of the part's surface
-    rest: Float64  # (3,) center of the rest of the shape near the base
+    rest: Float64  # (3,) mean of those nodes of the rest of the shape that are nearer to the base than the tip is
     spread: Float64  # (3,) variances of the part's surface along its principal axes, ascending
 
     @property
@@ -163,7 +163,7 @@ class PartAxes:
         return replace(axis, vertices=vertices, parameter=parameter, **moved)
 
     def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
-        """Return the axis of the component with nodes `own` (M,) and `faces` (F, 3); None if its size is 0."""
+        """Return the axis of a component with nodes `own` (M,) and `faces` (F, 3); None if the length or area is 0."""
         center, graph = self._nodes.center, self._nodes.graph
         inside = np.zeros(len(center), bool)
         inside[own] = True
@@ -250,8 +250,8 @@ class PartAxes:
         """Return the curve (33, 3), its radius (33,) and the parameters (M,) of `own`; None if all `faces` have area 0.
 
         The curve is a principal curve (Hastie and Stuetzle 1989). The first parameters are the distances `away` (M,)
-        from the base, scaled to [0, 1]. In each round, a point of the curve is fitted to the samples whose parameters
-        are near the point's parameter. Projection of the samples onto the curve gives their new parameters.
+        from the base, divided by the largest. In each round, a point of the curve is fitted to the samples with similar
+        parameters. Projection of the samples onto the curve then gives their new parameters.
         """
         areas = face_areas(self._mesh.vertices, faces)
         if not areas.sum() > 0:
@@ -299,10 +299,10 @@ class PartAxes:
 
 
 def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Move `values` (V,) by `isometry` (3, 4). Return the vertices (N,) with new values above 0, and these values (N,).
+    """Return the vertices (N,) that have values above 0 after the motion `isometry` (3, 4), and their new values (N,).
 
-    The new value of a vertex is the mean of the values at the four vertices nearest to its preimage, weighted by the
-    inverse squared distance. `tree` is the search tree of `vertices` (V, 3).
+    The new value of a vertex is the mean of `values` (V,) at the four vertices nearest to its position before the
+    motion, weighted by the inverse squared distance. `tree` is the search tree of `vertices` (V, 3).
     """
     linear, shift = isometry[:, :3], isometry[:, 3]
     some = vertices[values > 0]
@@ -353,7 +353,7 @@ def _on(nodes: Float64, parameter: Float64) -> Float64:
 
 
 def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
-    """Return the parameters (N,) of the curve's points nearest to `points` (N, 3), within `FARTHEST` of `start`."""
+    """Project `points` (N, 3) onto a curve. Return their parameters (N,), at most `FARTHEST` from those in `start`."""
     at = np.linspace(0.0, 1.0, len(nodes))
     best, nearest = start.copy(), np.full(len(points), np.inf)
     along = np.diff(nodes, axis=0)

@@ -19,23 +19,22 @@ from dfd.segmentation.patches import BRIDGE, Distal, Patches
 
 DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
 DIFFUSION = 0.005  # area over which features are smoothed, as a share of the surface
-CREASE = 0.1  # concavity (`Borders`), about 6° between patches, at which the conductance of smoothing is divided by e
-STEP = 0.15  # feature distance at which the conductance of smoothing is divided by e
-ROUNDS = 3  # rounds of smoothing; each computes the conductance from the features that the previous round smoothed
+CREASE = 0.1  # concavity (`Borders`) of a border, about 6°, that divides the rate of smoothing across the border by e
+STEP = 0.15  # feature distance of two patches that divides the rate of smoothing between them by e
+ROUNDS = 3  # rounds of smoothing; each computes the rates from the features that the previous round smoothed
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # smallest and largest area of a part, as shares of the surface
-# Smallest mean area of a part's components, as a share of the surface. Narrow strips along creases are smaller.
-LEAST_COMPONENT = 0.005
+LEAST_COMPONENT = 0.005  # smallest mean area of a part's components, as a share of the surface; excludes narrow strips
 LEAST_CUT_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 SIMILAR = 1.4  # two areas or lengths are similar if the larger divided by the smaller is at most this
-# In `held`, an ancestor can replace the best tree node. The area of the ancestor's smallest component must be at least
-# EQUAL times that of its largest, and its likelihood at least STILL_LIKELY times the likelihood of the best tree node.
+# In `held`, an ancestor replaces the best tree node only if the ancestor's smallest component has at least EQUAL times
+# the area of its largest. The ancestor's likelihood must also be at least STILL_LIKELY times the best tree node's.
 EQUAL, STILL_LIKELY = 0.8, 0.15
-CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`, because parts that people name do not overlap
-# `held` returns a tree node with more than the share MOST_HELD of the surface only if no smaller candidate has at least
-# the saliency LEAST_WITHIN.
+CUT = 1.35  # factor of the saliency of tree nodes in `Hierarchy.cut`: like the parts that people name, none overlap
+# If the best tree node covers more than the share MOST_HELD of the surface, `held` prefers a candidate that covers less
+# and has at least the saliency LEAST_WITHIN, if there is one.
 MOST_HELD, LEAST_WITHIN = 0.7, 0.15
-# If a tree node contains the share s of the surface beyond the handle (`Distal`), the tree node's likelihood is
-# multiplied by s ** HELD_BEYOND. For tree nodes with at least the saliency SALIENT, such as ears, this factor is 1.
+# If a tree node covers the share s of the surface beyond the handle, seen from the shape's middle (`Distal`), the tree
+# node's likelihood is multiplied by s ** HELD_BEYOND. If the saliency is at least SALIENT, this factor is 1.
 HELD_BEYOND, SALIENT = 3.0, 0.5
 SHORT = 0.2  # added to border lengths, in bounding-box diagonals, because short borders often follow a crease by chance
 ROUNDING = 1e-12  # length below which a border is a rounding error, as a share of the length of all borders
@@ -44,7 +43,7 @@ LEAST_CONCAVITY = 0.02  # added to the concavity of all borders, because some pa
 # components and borders are similar, and the parts do not touch. The distance of their mean features must also be below
 # LESS_APART times the feature distance of each part from its surroundings. There are at most JOIN_ROUNDS rounds.
 SURE, LESS_APART, JOIN_ROUNDS = 0.1, 2.0, 3
-EVEN = 0.05  # added to the divisor of `Hierarchy.step`, because small increases of small merge distances are noise
+EVEN = 0.05  # added to the divisor of `Hierarchy.step`: if both merge distances are small, their difference is noise
 
 
 class Hierarchy:
@@ -63,7 +62,7 @@ class Hierarchy:
     cut
         The clearest cut: the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
     clear
-        (T,) whether the clarity × area of a tree node is at least the largest sum for a cut of its subtree.
+        (T,) whether a tree node may be a part, and no cut of its descendants has a larger sum of `clarity` × area.
 
     Parameters
     ----------
@@ -79,8 +78,8 @@ class Hierarchy:
         self._known_components: dict[bytes, tuple[Float64, int]] = {}  # kept for the trees of all rounds
         values = smoothed(patches, features.astype(np.float64))
         self._build(values)
-        # Features of front legs can be more similar to features of the trunk than to features of the hind legs. So both
-        # parts of each similar pair get one mean feature, and the tree is built again.
+        # The features of front legs can be closer to those of the trunk than to those of the hind legs. The features of
+        # two similar parts are therefore shifted so that both parts have the same mean, and the tree is built again.
         for _ in range(JOIN_ROUNDS):
             if not (pairs := self._counterpart_pairs(values)):
                 break
@@ -167,7 +166,7 @@ class Hierarchy:
         return float(clarity / np.sqrt(self.girth(node) + SHORT))
 
     def closed(self, node: int) -> Bool:
-        """Return the patches of a tree node, and of all regions that only this node connects to the body, (P,) bool."""
+        """Return a tree node's patches and regions that only these connect to the body (`border.closed`), (P,) bool."""
         if node not in self._closed:
             self._closed[node] = closed(self._patches, self.inside[node])
         return self._closed[node]
@@ -298,8 +297,8 @@ def smoothed(patches: Patches, features: Float64) -> Float64:
     """Return at most `DIMENSIONS` principal components (P, K) of `features` (P, D), smoothed along the surface.
 
     Creases and large changes of the features stop the smoothing. Source: Perona and Malik, "Scale-space and edge
-    detection using anisotropic diffusion", 1990. Here, the conductance also decreases with concavity. Each round is one
-    implicit time step.
+    detection using anisotropic diffusion", 1990. Here, the conductance (the rate of smoothing across a border) also
+    decreases with concavity. Each round is one implicit time step.
     """
     borders, area = patches.borders, diags_array(patches.area)
     values = features - patches.area @ features

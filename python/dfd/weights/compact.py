@@ -1,7 +1,7 @@
 """Compact the features for `dfd.bind` to about a tenth of their bytes. Weights stay within a tolerance.
 
-The features of one shape vary mostly along a few directions. They are projected to as few directions as the tolerance
-permits, and stored in 8 or 16 bits. Equal features have equal entries, so the weight at a handle is exactly 1.
+The features of a shape vary mostly along few directions. They are projected to as few as the tolerance permits. Their
+coordinates become entries of 8 or 16 bits. Equal features have equal entries: the weight at a handle is exactly 1.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class CompactFeatures:
     shape: tuple[int, int]  #: (V, D) of the original features
     precision: Precision  #: type of an entry
     #: The entries, in B blocks of 16 vertices: (B, d, 16) uint16 for "float16", (B, d / 4 + 1, 16, 4) uint8 for "int8".
-    #: The last 4 bytes of an "int8" vertex are the int32 sum of its squared entries. Other bytes are entries plus 128.
+    #: For "int8", a vertex has d bytes, its entries plus 128, and 4 bytes, the int32 sum of its squared entries.
     blocks: NDArray[Any]
     basis: Float32  #: (D, d) orthonormal columns
     mean: Float32  #: (D,)
@@ -72,7 +72,7 @@ class CompactFeatures:
         return entries.astype(np.float32) - 128
 
     def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
-        """Return the approximate features (N, D) of vertices `indices` (N,). `project` gives them the same entries."""
+        """Return approximate features (N, D) of vertices `indices` (N,). `project` maps these to the stored entries."""
         stored = self.stored(indices)
         stored *= self.step
         return stored @ self.basis.T + self.mean
@@ -150,7 +150,7 @@ def compact(
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
             break
     else:
-        raise ArgumentError("tolerance", f"must be larger, because features have 16 bits, got {wanted:g}", "compact")
+        raise ArgumentError("tolerance", f"must be larger, because 16 bits are too few, got {wanted:g}", "compact")
 
     del sample, centered, validation  # frees memory before the rows are packed
     basis = np.zeros((source.dimension, dimensions), np.float32)
@@ -205,8 +205,8 @@ class _Trial:
     """Compare weights from entries with weights from full features in float64, on sampled vertices and handles.
 
     `features` (N, D) are the full features, `along` (N, D) are their coordinates along all principal directions, and
-    `handles` (H,) are indices of rows. Coordinates far from the mean have rounding errors, so the reference weights are
-    computed from `features`. Entries are the first d coordinates, multiplied by `rotation` (d, d) and rounded.
+    `handles` (H,) are indices of rows. The reference weights are computed from `features`, because `along` has
+    rounding errors. Entries are the first d coordinates in `along`, multiplied by `rotation` (d, d) and rounded.
     """
 
     def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:

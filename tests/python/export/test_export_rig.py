@@ -99,7 +99,7 @@ def test_nothing_that_was_given_changes(session, tmp_path):
         ({"form": "baked", "poses": [dfd.KeyPose(0)]}, "`poses` must be left out for 'baked', which does not move"),
         ({"poses": [3]}, "`poses` must be key poses, got int"),
         ({"poses": [dfd.KeyPose(1), dfd.KeyPose(1)]}, "one after the other in time, got one at 1 s after one at 1 s"),
-        ({"poses": [dfd.KeyPose(0, {7: Transform()})]}, r"must be of handles of the edit \(1\), got handle 7"),
+        ({"poses": [dfd.KeyPose(0, {7: Transform()})]}, r"must use handles of the edit \(1\), got handle 7"),
         (
             {
                 "poses": [

@@ -166,7 +166,7 @@ np.savez(sys.argv[2], **results)
     ("arguments", "message"),
     [
         ({"features": FEATURES, "tolerance": 0}, "`tolerance` must be above 0"),
-        ({"features": FEATURES, "tolerance": 1e-9}, "`tolerance` must be larger, because features have 16 bits"),
+        ({"features": FEATURES, "tolerance": 1e-9}, "`tolerance` must be larger, because 16 bits are too few"),
         ({"features": FEATURES[0]}, r"`features` must have shape \(V, D\)"),
         ({"features": np.where(np.arange(96) == 7, np.nan, FEATURES)}, "`features` must be finite"),
         ({"features": FEATURES, "points": np.zeros((3, 3))}, "`points` must not be given if `features` are rows"),

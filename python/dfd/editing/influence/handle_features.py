@@ -16,8 +16,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector
 from dfd.weights.compact import CompactFeatures, compact
 
-# Meshes with more vertices than this have compact features. On smaller meshes, compact features save no time.
-MOST_EXACT = 16_384
+MOST_EXACT = 16_384  # meshes with more vertices have compact features, which save no time on smaller meshes
 # At most 32 vertices with different features represent a region. They are chosen from at most 2,048 of its vertices.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
@@ -39,7 +38,7 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features: Float32 | CompactFeatures | None = features
-        self.full = False  # whether the field's features are stored in full for any number of vertices
+        self.full = False  # if True, features are evaluated in full, even above `MOST_EXACT` vertices
         self._members: dict[Region, Int64] = {}
         self._representatives: dict[Region, Int64] = {}
         self._nearest: Recent[int] = Recent(64)  # each frame of a drag needs the same vertices
@@ -115,7 +114,10 @@ class HandleFeatures:
         return bool(np.isin(inner, self.members(place.region)).all())
 
     def points(self, places: Sequence[Place]) -> Any:
-        """Return `places` as an argument of `bind`: vertices (N,), features (N, D), or a list if one is a region."""
+        """Return `places` as an argument of `bind`: vertices (N,), or features (N, D) if a place is a point in space.
+
+        If a place is a region, return a list, which has the vertices or the features of each place.
+        """
         known = [self._known(place) for place in places]
         if any(place.region is not None for place in places):
             return [self.of([place]) if own[0] < 0 else own for place, own in zip(places, known, strict=True)]
