@@ -139,7 +139,10 @@ class _Page:
 
 
 def _cells(value: Any) -> list[Cell]:
-    """Return captions with pictures. A session gives its stages. A session in a dict gives weights and result."""
+    """Return captions with pictures: three for a session, or one for each entry of a dict.
+
+    A session in a dict has two pictures: its weights, and its result.
+    """
     if isinstance(value, dfd.Deformer):
         stages = zip(("before", "what follows", "after"), _views(value, [value]).values(), strict=True)
         return [(caption, [_transparent(value.mesh, **view)]) for caption, view in stages]
@@ -170,7 +173,7 @@ def _views(session: dfd.Deformer, sessions: list[dfd.Deformer]) -> dict[str, dic
 def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
     """Return a picture (R, R, 4) with a transparent background, for pages with a dark background.
 
-    The shape is opaque. The opacity of marks outside the shape is their difference from white.
+    The shape is opaque. Outside the shape, the opacity of a pixel is 1 minus its smallest color channel (0 to 1).
     """
     options = {"resolution": RESOLUTION, **options}
     image = picture(mesh, **options) / np.float32(255)

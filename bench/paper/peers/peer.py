@@ -23,7 +23,7 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.common.linear_algebra import Float64, Int64
 
-PATIENCE = 300.0  # time limit in seconds for all steps of one peer on one shape, except its tetrahedra
+PATIENCE = 300.0  # time limit in seconds for one peer on one shape, without the time to fill it with tetrahedra
 FILLING_PATIENCE = 900.0  # time limit in seconds for the tetrahedra of one shape
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the bounding box's diagonal
 MOST_FACES = 6_000  # largest number of faces of a surface that is filled; more would take minutes on two cores
@@ -141,7 +141,7 @@ def _run(peer: Peer, body: Body, jobs: Sequence[Job]) -> list[tuple[Float64, dic
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
-    """Return the distinct nodes (K,) nearest to the vertices `held` (N,), and for each node an index (K,) in `held`."""
+    """Return the K distinct nodes nearest to the vertices `held` (N,), and the first index in `held` for each node."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
@@ -171,7 +171,7 @@ def in_child(function: Callable[..., Any], *arguments: Any, seconds: float) -> A
                 child.kill()
 
 
-cached: dict[Any, Tetrahedra | PeerError] = {}  # by shape and settings; several peers and pages use the same tetrahedra
+cached: dict[Any, Tetrahedra | PeerError] = {}  # by shape and settings: several peers use the same tetrahedra
 
 
 def tetrahedra(

@@ -50,7 +50,7 @@ DFD_INLINE Totals<T> totals(const PoseJob<T>& job, const Weights<T>& weights)
             normalize ? one / maximum(sum, one) : one};
 }
 
-// Computes the weighted sums of entries First … Last - 1 over the handles and D_0. These sums fit into registers.
+// Sums entries First … Last - 1 of all handles' transforms and D_0, multiplied by their weights, in registers.
 template <std::size_t First, std::size_t Last, class T, std::size_t Count>
 DFD_INLINE void accumulate(const PoseJob<T>& job, const T* table, const Weights<T>& weights, Vector<T> remainder,
                            Sums<T, Count>& sums)
@@ -80,7 +80,7 @@ DFD_INLINE Sums<T, Kind::count> blended(const PoseJob<T>& job, const T* table, c
     return sums;
 }
 
-// Returns the share (0 to 1) of the positive side's transforms: a smoothstep in the band, or a step without a band.
+// Returns the weight (0 to 1) of the mirror plane's positive side: a smoothstep in the band, a step without a band.
 template <class T>
 DFD_INLINE Vector<T> positive_share(const PoseJob<T>& job, const Vector3<T>& p)
 {
@@ -136,7 +136,7 @@ DFD_INLINE void pose_lanes(const PoseJob<T>& job, const VertexData<T>& at, const
     Vector3<T> from = vertex;
     if (at.base != nullptr) {
         from = Interleaved<T>::read(at.base);
-    } else if (job.overlap == Overlap::paper) {  // Equation (1) scales a vertex whose weights sum to more than 1
+    } else if (job.overlap == Overlap::paper) {  // Equation (1) adds `excess` times the position
         shift = {multiply_add(excess, vertex.x, shift.x), multiply_add(excess, vertex.y, shift.y),
                  multiply_add(excess, vertex.z, shift.z)};
     }

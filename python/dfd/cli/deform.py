@@ -25,14 +25,14 @@ def deform(
     context: typer.Context,
     meshes: Annotated[
         list[str],
-        Argument(metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit several, or 'chairs/*.glb'."),
+        Argument(metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; for --edit, several or 'chairs/*.glb'."),
     ],
     field: Annotated[
         Path | None,
         Option(
             metavar="FIELD",
-            help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
-            " (by default the shape's folder). Missing fields come from the cache, or are distilled.",
+            help="The field that `dfd distill` wrote. For several shapes, the folder with NAME.field.safetensors;"
+            " by default, the shape's folder. A missing field comes from the cache, or dfd distills it.",
         ),
     ] = None,
     preset: options.Preset = None,
@@ -50,13 +50,14 @@ def deform(
         Option(metavar="WIDTH", help="Half width, in mesh units, of the band in which both sides blend; 0: no band."),
     ] = None,
     symmetry_candidates: Annotated[
-        str | None, Option(metavar="any|axes", help="Planes that --symmetry auto tries; axes: as in the paper.")
+        str | None, Option(metavar="any|axes", help="Planes that --symmetry auto tries; axes: only the paper's three.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
         Option(
             metavar="ε|relative",
-            help="Largest score that --symmetry auto accepts; by default relative to the spread of the features.",
+            help="--symmetry auto accepts planes with a score below ε: the mean feature difference between both sides."
+            " relative (dfd's default) compares the difference with the spread of the features.",
         ),
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
@@ -106,7 +107,7 @@ def deform(
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
     auto = {"band": band, "candidates": symmetry_candidates, "threshold": symmetry_threshold}
     if symmetry is None and any(value is not None for value in auto.values()):
-        raise ValueError("`--symmetry` must be given with `--band` and `--symmetry-…`")
+        raise ValueError("`--band` and `--symmetry-…` need `--symmetry`")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
     output = None if output is None else file_in(output, mesh)

@@ -10,7 +10,7 @@ from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
 OF_A_HANDLE = ("handle", "name", *MOTIONS, *CONTROLS)
-HANDLES = "dfd.handles"  # key in the context of a command, for the options of each handle by parameter name
+HANDLES = "dfd.handles"  # key of `ctx.meta`; its value is a list with a dict of options for each handle
 
 
 class HandlesCommand(TyperCommand):
@@ -43,7 +43,7 @@ class HandlesCommand(TyperCommand):
 
 
 def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
-    """Return the place of each handle on a command line, as a text, and the other arguments of `Deformer.add`.
+    """Return for each `--handle` of a command its place, as a text, and a dict of other arguments of `Deformer.add`.
 
     Raises ValueError if an option of a handle is given without a handle, or a factor of `--scale` is 0.
     """
@@ -71,7 +71,7 @@ def value_of(value: Any) -> Any:
 
 def _value(flag: str, metavar: str, rest: list[str]) -> str:
     """Remove the value of an option from the start of `rest`, and return it. Several numbers become 1,2,3."""
-    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # numbers are upper-case: X Y Z
+    counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # each upper-case word is a number
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     if numbers not in counts and not is_text:

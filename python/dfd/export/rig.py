@@ -117,7 +117,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """Return the axes (3, 3), as columns, of the first transform with unequal scales, or else the first with axes."""
+    """Return axes (3, 3), as columns: of the first transform with unequal scales; if none, of the first with axes."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:

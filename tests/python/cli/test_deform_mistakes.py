@@ -13,8 +13,8 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
     [
         (("--fix", 3), "`--handle` or `--edit` must be given"),
         (("--edit", "none.json", "--translate", 0, 0, 1), "`--handle` must be given with translation"),
-        (("--handle", 1, "--band", 0.1), "`--symmetry` must be given"),
-        (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry` must be given"),
+        (("--handle", 1, "--band", 0.1), "`--symmetry-…` need `--symmetry`"),
+        (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry-…` need `--symmetry`"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
         (("--handle", "bottum"), "got 'bottum'; did you mean bottom?"),
         (("--handle", 10**6), "`--handle` must lie in 0 … 2003, got 1000000"),

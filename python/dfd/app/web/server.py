@@ -31,7 +31,7 @@ from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest size of a message from a page, in bytes
 UPLOAD_BYTES = 1 << 30  # largest total size of the unpacked files of an upload, in bytes
-MOST_UNATTENDED = 8  # most sessions without a page; if there are more, sessions whose pages left first are ended
+MOST_UNATTENDED = 8  # largest number of sessions without a page; those whose pages disconnected first are ended
 
 
 def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
@@ -59,14 +59,14 @@ class Sessions:
 
     def __init__(self, root: Path, options: SessionOptions, upload_bytes: int) -> None:
         self._root, self._options, self._upload_bytes = root, options, upload_bytes
-        self._tabs: dict[str, Tab] = {}  # by folder name, in the order in which the pages left
+        self._tabs: dict[str, Tab] = {}  # by session name; the tab whose page disconnected last is the last
 
     def find(self, name: str | None) -> Tab | None:
         """Return the tab of the session `name`, or None if there is no such session."""
         return self._tabs.get(name or "")
 
     def _open(self, name: str | None) -> Tab:
-        """Return the tab of the session `name`, or a new tab. All pages of a notebook's session share one tab."""
+        """Return the `Tab` of the session `name`, or a new one. In a notebook, all pages share one session."""
         if (found := self.find(name)) is not None:
             return found
         if self._options.deformer is not None and self._tabs:

@@ -1,6 +1,6 @@
 """Regions of a mesh: a ball, a box, one side of a plane, a part of the scene, a face group, or a set of vertices.
 
-A region stores its definition in space or a name, so it selects the same surface on meshes of other resolutions.
+A region stores its geometry or a name. It therefore selects the same surface on other meshes of the same shape.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class HalfSpace(RegionBase):
 
 @dataclass(frozen=True)
 class Part(RegionBase):
-    """All vertices of the scene's part with this name, or else of its geometry or material (`Mesh.part_vertices`)."""
+    """All vertices of the part `name` of the scene, else of the geometry, else of the material with this name."""
 
     name: str
     kind: Literal["part"] = field(default="part", repr=False)
@@ -133,14 +133,14 @@ class Group(RegionBase):
 class VertexSet:
     """A set of vertices, with their positions on the mesh on which they were chosen.
 
-    On another mesh, the set contains the vertices nearest to these positions, and on a finer mesh those in between.
+    On another mesh, the set contains the vertices nearest to these positions; on a finer mesh, also those in between.
 
     Raises ValueError if `indices` is empty or contains a vertex twice, or if `positions` has another length.
     """
 
     indices: Annotated[Int64, Written(list[int])]  # (N,) distinct vertex indices, ascending
     positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
-    count: int | None = None  # number of all vertices of the mesh on which they were chosen; None if unknown
+    count: int | None = None  # vertex count of the mesh on which the set was chosen; None if unknown
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
