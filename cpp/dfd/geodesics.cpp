@@ -145,7 +145,7 @@ struct Geodesics::Impl {
         }
     }
 
-    /// Returns approximately the largest distance between two connected vertices. Each component is
+    /// Returns approximately the largest distance between two vertices of one connected component. Each component is
     /// measured from three vertices: any vertex, the one farthest from the first, and the one farthest from the second.
     double find_extent() const
     {
@@ -203,7 +203,7 @@ double Geodesics::extent() const { return impl_->extent; }
 void Geodesics::distances(std::span<const std::int64_t> sources, float separate, Matrix<float> out, int threads) const
 {
     require(out.rows == sources.size() && out.columns <= vertex_count(),
-            "geodesics: `out` must have H rows and at most V columns");
+            "geodesics: `out` must have one row per source and at most V columns");
     const auto inside = [this](std::int64_t source) {
         return source >= 0 && static_cast<std::size_t>(source) < vertex_count();
     };

@@ -44,7 +44,7 @@ def _binding(body: Body, solve: Solve) -> Bind:
 
 
 def direct(within: Tetrahedra) -> Solve:
-    """Assemble the energy matrix. Return a solver that factors, for each set of handles, the block of free nodes."""
+    """Assemble the energy matrix. Return a solver that factors its rows and columns of all nodes except the handles."""
     nodes, energy = within.nodes, bilaplacian(within.nodes, within.cells)
 
     def solve(handles: Int64) -> Float64:
@@ -53,7 +53,7 @@ def direct(within: Tetrahedra) -> Solve:
             # Affine functions have energy 0, so weights are unique only if four handles do not lie in a plane.
             own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
-                on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
+                on_each = f" on each of the {components.max() + 1} components" if components.max() else ""
                 raise PeerError(f"needs four handles that do not lie in a plane{on_each}")
         free = np.setdiff1d(np.arange(len(nodes)), handles)
         weights = np.zeros((len(nodes), len(handles)))
@@ -96,7 +96,7 @@ def _factored(energy: csc_array, free: Int64) -> Any:
     try:
         return splu(energy[free][:, free].tocsc())
     except RuntimeError:
-        raise PeerError("has a singular system, for example because tetrahedra have several components") from None
+        raise PeerError("has a singular system, for example because the tetrahedra form several components") from None
 
 
 def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Picture = tuple[UInt8, str]
 
-ASIDE, BEHIND = 35.0, 215.0  # azimuths of the camera, degrees
+ASIDE, BEHIND = 35.0, 215.0  # camera azimuths, degrees: front view turned 35° to the side, and the opposite view
 FACES = 20_000  # number of faces of each sample
 FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
 HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
@@ -74,7 +74,7 @@ def demo(
         seen = [(images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
         seen += [(draw(azimuth=ASIDE), "features")]
         seen += [(draw(azimuth=BEHIND), f"features, behind; mirror plane found: {mirrors}")]
-        rows.append((f"The {name}: what the encoder sees, and its features by color", seen))
+        rows.append((f"The {name}: what the encoder sees, and the features as colors", seen))
         with stages.stage("draw"):
             for title, file, handle in edits:
                 deformer = Deformer(mesh, field, preset=chosen, features=features)
@@ -88,7 +88,7 @@ def demo(
 
 
 def _drawn(deformer: Deformer) -> list[Picture]:
-    """Draw the weights and the deformed shape from the front and from behind, and the resting shape from the front."""
+    """Draw the weights and the deformed shape from `ASIDE` and `BEHIND`, and the resting shape from `ASIDE`."""
     from dfd.pictures.contact_sheet import heat_bar
     from dfd.pictures.picture import picture
     from dfd.pictures.sheet import session_views

@@ -1,4 +1,4 @@
-"""Find the parts of a shape that a handle can move, or to which a mask can limit the handle."""
+"""Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
 from functools import cached_property
 from typing import Any

@@ -208,7 +208,7 @@ def distill_apart(
     messages, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_distill, args=(source, settings, path, theirs), daemon=True)
     process.start()
-    theirs.close()  # so that the pipe closes when the process ends
+    theirs.close()  # Close our copy of the sending end. Then `recv` raises EOFError when the process ends.
     started(process)
     message: Any = None
     with messages, suppress(EOFError, OSError):

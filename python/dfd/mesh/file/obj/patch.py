@@ -1,7 +1,7 @@
 """Rewrite vertex positions and normals in the text of an OBJ file, with everything else unchanged.
 
-Only coordinates in `v` and `vn` lines change. If face corners can no longer share a normal, new `vn` lines are added,
-and the normal indices of faces change. Order, polygons, groups, smoothing, curves, comments and materials stay.
+In most files, only the coordinates in `v` and `vn` lines change. If face corners can no longer share a normal, `vn`
+lines are added, and the normal indices of faces change. If the materials are copied, `mtllib` lines also change.
 """
 
 from pathlib import Path, PurePosixPath
@@ -21,7 +21,7 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", "
 
 
 def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
-    """Return the contents of the OBJ file `target`, with moved vertices, and of its material files, by file name.
+    """Return a dictionary from file names to contents: the OBJ file `target` with moved vertices, and its materials.
 
     Only `vertices` (V, 3) that have moved get new text. `normals` (R, 3) has a row for each vertex of each primitive,
     NaN for a missing normal. Materials are copied only if `target` is in another folder than the source file.
@@ -92,7 +92,7 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
     number = text.corners[corners, 2]
     distinct, value = weld(own)
     pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
-    # Corners of one `vn` line can get several directions. One direction replaces the line, the others get new lines.
+    # Face corners that share a `vn` line can get different normals. One normal replaces the line; others are added.
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = own[first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)

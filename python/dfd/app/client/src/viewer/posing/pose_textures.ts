@@ -1,4 +1,5 @@
-/** The textures of the pose shader. Each `Column` of the scene has a row of `columns` and a layer of `weights`. */
+/** The textures of the pose shader. Each `Column` of the scene, usually a handle at one counterpart, has a row of
+    `columns`. The row contains the index of the layer in `weights`. Columns with the same weights share a layer. */
 
 import {
   DataArrayTexture,
@@ -34,7 +35,6 @@ export class PoseTextures {
     this.weights = this.layers(LEAST_LAYERS);
   }
 
-  /** Write a scene to the textures. Weights are written only if no layer contains them. */
   show(scene: Scene): void {
     this.storeWeights(scene);
     const count = scene.columns.length;
