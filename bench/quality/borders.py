@@ -1,11 +1,14 @@
 """Measure, on rigs, how much the surface folds at the border of a moving part."""
 
 import numpy as np
+import trimesh
 
 import dfd
 from bench.quality.anatomy import RiggedShape
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.geometry.topology import face_sides, first_at_place
+from dfd.geometry.topology import first_at_place
+from dfd.mesh.normals import face_normals
+from dfd.posing.transforms import frame_of_normal
 
 MOTION = 0.3  # length of the translation, which is perpendicular to the part's axis, as a fraction of the part's length
 SMOOTH = 25.0  # largest fold of a smooth border, in degrees
@@ -35,8 +38,7 @@ def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
         if not parts:
             return None
         axis = parts[0].axis
-        across = np.cross(axis.direction, np.eye(3)[np.abs(axis.direction).argmin()])
-        session.move(held, translation=MOTION * axis.length * across / np.linalg.norm(across))
+        session.move(held, translation=MOTION * axis.length * np.asarray(frame_of_normal(axis.direction)[1]))
         weights = session.following[:, 0]
         in_band = ((weights > 0.01) & (weights < 0.99))[mesh.faces].any(axis=1)
         own = edges[in_band[edges].any(axis=1)]
@@ -48,16 +50,13 @@ def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
 
 def _edges(mesh: dfd.Mesh) -> Int64:
     """Return the two faces (E, 2) at each edge between two faces."""
-    sides = np.sort(face_sides(first_at_place(mesh)[mesh.faces]), axis=1)
-    order = np.lexsort(sides.T)
-    same = np.flatnonzero((sides[order[1:]] == sides[order[:-1]]).all(axis=1))
-    return np.stack([order[same], order[same + 1]], axis=1) // 3
+    faces = first_at_place(mesh)[mesh.faces]
+    return np.asarray(trimesh.Trimesh(mesh.vertices, faces, process=False).face_adjacency, np.int64)
 
 
 def _angles(vertices: Float64, mesh: dfd.Mesh, edges: Int64) -> Float64:
     """Return the dihedral angles (E,) at `edges` (E, 2), in degrees; NaN if a face has no area."""
-    corners = vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = face_normals(vertices, mesh.faces)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals /= np.where(length > 1e-12 * mesh.diagonal**2, length, np.nan)
     return np.degrees(np.arccos(np.clip((normals[edges[:, 0]] * normals[edges[:, 1]]).sum(axis=1), -1.0, 1.0)))

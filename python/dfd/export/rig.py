@@ -88,8 +88,8 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         for handle in edit.handles
     }
     # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest width needed.
-    every = [[replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles]
-    widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in every))
+    moved = ([replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles)
+    widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in moved))
     weights, columns = session.bound.columns(edit, widest)
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far

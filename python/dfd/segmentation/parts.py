@@ -31,6 +31,7 @@ WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
 # BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
 # that is at least LEAST_WIDTH times the displacement of the border across `Border.direction`. If all are smaller, the
 # band has the largest width. At rest, it has the smallest width, at which the weights agree best with labelled parts.
+# A band that is not limited by its largest width has a slope of at most 1.5 divided by LEAST_WIDTH.
 BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 3.0
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
 # The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
@@ -71,9 +72,6 @@ class Border(NamedTuple):
         return next((band for band in BANDS if band * self.widest >= least), BANDS[-1])
 
 
-NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Grip:
     """The part that a handle moves, as weights."""
@@ -83,7 +81,7 @@ class Grip:
     # component: (N,) index of the connected component, such as a leg, that contains each mesh node. The value is −1
     # outside the part and on small components.
     component: Int64 = field(repr=False)
-    border: Border = field(default=NO_BORDER, repr=False)
+    border: Border = field(repr=False)
 
 
 class Parts:

@@ -13,8 +13,9 @@ from dfd.editing.influence.counterparts import find_counterparts
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
-from dfd.segmentation.parts import Grip
+from dfd.segmentation.parts import Border, Grip
 
+NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 0.0)
 SIDE = 41  # number of vertices along one side of a sheet
 
 
@@ -44,7 +45,7 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
 def part(component: np.ndarray) -> Grip:
     """Return a part whose `component` (V,) is given for each vertex; −1 stands for vertices outside the part."""
     inside = (component >= 0).astype(np.float32)
-    return Grip(inside, inside, component)
+    return Grip(inside, inside, component, NO_BORDER)
 
 
 def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
@@ -80,7 +81,7 @@ def test_every_component_of_a_part_is_one_counterpart():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
     pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
-    held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces)
+    held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces, NO_BORDER)
     vertex = vertex_at(mesh, -0.5, -0.5)
     own, other = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
     np.testing.assert_array_equal(share(mesh, own)[pieces == 1], 1)
@@ -127,7 +128,7 @@ def test_shares_sum_to_1_and_each_is_1_at_its_own_counterpart():
     whole = np.ones(len(component), np.float32)
     vertex = vertex_at(mesh, -0.5, 0)
     weights = hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9)
-    found = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component))[0]
+    found = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component, NO_BORDER))[0]
     shares = np.stack([share(mesh, each) for each in found])
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
     assert shares.min() >= 0
@@ -152,7 +153,7 @@ def test_shares_change_smoothly_from_one_counterpart_to_the_next():
     component = around(mesh, (-0.5, 0), (0.5, 0))
     whole = np.ones(len(component), np.float32)
     vertex = vertex_at(mesh, -0.5, 0)
-    grip = Grip(whole, whole, component)
+    grip = Grip(whole, whole, component, NO_BORDER)
     own, _ = find_counterparts(mesh, hill(mesh, -0.5, 0, 1), vertex, mesh.vertices[vertex], grip)[0]
     along = share(mesh, own).reshape(SIDE, SIDE)
     assert np.abs(np.diff(along, axis=0)).max() < 0.2
@@ -207,7 +208,7 @@ def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     def found() -> tuple[counterparts.Counterpart, ...]:
         nodes = nodes_of(mesh)
         of_node = component[nodes.members[nodes.starts]]
-        grip = Grip(np.ones(len(component), np.float32), np.ones(len(of_node), np.float32), of_node)
+        grip = Grip(np.ones(len(component), np.float32), np.ones(len(of_node), np.float32), of_node, NO_BORDER)
         return find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip)[0]
 
     exact = found()
@@ -236,7 +237,7 @@ def test_only_the_most_similar_of_thousands_of_components_are_counterparts():
     weights[:3] = 1
     nodes = nodes_of(mesh)
     component = np.arange(len(nodes.center))
-    grip = Grip(np.ones(len(vertices), np.float32), np.ones(len(component), np.float32), component)
+    grip = Grip(np.ones(len(vertices), np.float32), np.ones(len(component), np.float32), component, NO_BORDER)
     found, _ = find_counterparts(mesh, weights, 0, mesh.vertices[0], grip)
     assert len(found) == counterparts.MOST_COUNTERPARTS
     assert np.array_equal(found[0].position, mesh.vertices[0])

@@ -15,7 +15,6 @@ from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
-from dfd.segmentation.parts import BANDS
 from dfd.weights.bind import bind
 
 # If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
@@ -105,7 +104,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
-        distances, power = self._falloff(self._key(handle, edit, BANDS[0]))
+        distances, power = self._falloff(self._key(handle, edit, self._grips.band(handle)))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power

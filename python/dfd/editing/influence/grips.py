@@ -14,6 +14,7 @@ from dfd.editing.points import Place
 from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
+from dfd.posing.pose import IDENTITY
 from dfd.segmentation.parts import BANDS, Border, Grip, Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
@@ -27,7 +28,7 @@ class Grips:
         self._mesh, self._field, self._rows = mesh, field, rows
         self._parts: Recent[Grip | None] = Recent(32)  # while the pointer moves, many places need parts
         self._held: Recent[Held] = Recent(16)
-        self._borders: Recent[Border | None] = Recent(1024)
+        self._borders: Recent[Border | None] = Recent(1024)  # a drag can move many handles
 
     def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
         """Compute all data that does not depend on a place, and return the parts of the mesh.
@@ -61,7 +62,7 @@ class Grips:
 
     def band(self, handle: Handle) -> float:
         """Return the argument `band` of `grip` for a handle. At rest or without a part, it is the smallest."""
-        if handle.controls.reach != "part" or np.array_equal(handle.matrix, np.eye(3, 4)):
+        if handle.controls.reach != "part" or np.array_equal(handle.matrix, IDENTITY):
             return BANDS[0]
         place = handle.place
         border = self._borders.get(place, lambda: None if (grip := self.grip(place)) is None else grip.border)
