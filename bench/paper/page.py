@@ -52,8 +52,9 @@ def gallery(
 ) -> Page:
     """Return a page with pictures and a table row for each session. `variants` returns a subject's sessions by name.
 
-    `measure` takes a subject, a session, and the subject's first session. It returns cells for the row of the session.
-    Each view in `shown` gives a row of pictures. Its first picture is the shape at rest, with options from `source`.
+    `measure` returns cells for the row of a session, from a subject, the session, and the subject's first session. Each
+    view in `shown` gives a row of pictures; with one session, all views are in one row. The first picture of a row is
+    the shape at rest, with options from `source`.
     """
     drawn: list[Pictures] = []
     rows: list[Row] = []

@@ -28,7 +28,7 @@ def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
 
 
 def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
-    """Return the average precision of finding `relevant` (V,), ranked by `scores` (V,); equal scores share a rank."""
+    """Rank vertices by `scores` (V,), ties at one rank. Return the average precision of finding `relevant` (V,)."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
     last = np.append(np.diff(scores[order]) != 0, True)
@@ -52,13 +52,13 @@ def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Floa
 
 
 def mean_over_labels(labels: Labels, values: Any) -> float:
-    """Average `values` (H,) over the handles with each of `labels` (H,), then over labels. NaN is ignored."""
+    """Average the `values` (H,) of handles with equal `labels` (H,), then average these means. NaN is ignored."""
     known = ~np.isnan(values)
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
 def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
-    """Return, for each of `vertices` (H,), the weights (V,) of a handle there, as the only handle of `session`."""
+    """Return the weights (V,) of a handle at each of `vertices` (H,). `session` must have no other handles."""
     found = []
     for vertex in vertices.tolist():
         held = session.add(vertex)

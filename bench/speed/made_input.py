@@ -48,7 +48,7 @@ class MadeInput:
         return partial(bind, fixed=[1, 2, 3], geodesic=distances, locality=2.0)
 
     def pose(self, motion: str, count: int, dtype: str = "float32") -> Call:
-        """Return a call that poses with `count` handles by a motion of `MOTIONS`; a drag moves only one handle."""
+        """Return a call that poses with `count` handles. `motion` is one of `MOTIONS`; a drag moves only one handle."""
         handles, transforms = self.handles(count), self.transforms[:count]
         vertices, weights = self.vertices.astype(dtype), dfd.bind(self.compact, handles) / count
         out = np.empty_like(vertices)

@@ -33,8 +33,8 @@ class Rules:
     # overlap, blend: arguments of `dfd.pose`. "auto" is "linear" up to rotations by 30° (`Edit.blending`).
     overlap: Literal["add", "paper"] = "add"
     blend: Literal["auto", "linear"] = "auto"
-    # reach_targets: whether each handle fully reaches its target: the weight that fixed points subtract at the handle
-    # itself (Eq. 6) is restored
+    # reach_targets: whether all weights of a handle are scaled up if fixed points lower the weight at the handle itself
+    # (Eq. 6), so that the handle fully reaches its target
     reach_targets: bool = True
     # exact_distances: whether distances along the surface (Eq. 7) start only at the handle, do not cross gaps, and use
     # all vertices. If False, distances start at the handle and its mirror image, may cross small gaps, and use samples.
