@@ -151,7 +151,7 @@ class Mesh:
         """
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
-        known = f" of the file ({_listed(self.group_names)})" if self._groups else ", and the mesh has none"
+        known = f" of the file ({_listed(self.group_names)})" if self._groups else " of the mesh (it has none)"
         raise ArgumentError("name", f"must be a face group{known}, got {name!r:.60}", "Mesh.group_vertices")
 
     @cached_property
@@ -190,7 +190,7 @@ class Mesh:
         data keep their values and number types. The file is written atomically.
 
         Warns if rounding to 32-bit floats moves a vertex by more than 0.001 % of the bounding box's diagonal. Only STL
-        files, and glTF meshes with a skin or morph targets, are rounded so much.
+        files, and glTF meshes with a skin or morph targets, store such positions.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
         `vertices` has a wrong shape or is not finite. Raises OSError if the file cannot be written; an existing file is

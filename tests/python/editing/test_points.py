@@ -145,7 +145,7 @@ def test_a_session_holds_a_face_group_and_remembers_it(grouped, tmp_path):
 @pytest.mark.parametrize(
     ("at", "message"),
     [
-        ("group:door", r"`at` must be a face group, and the mesh has none, got 'door'"),
+        ("group:door", r"`at` must be a face group of the mesh \(it has none\), got 'door'"),
         ("part:door", r"`at` must be a part of the scene \(body, front.*, got 'door'"),
         ("500,500,500", r"`at` must lie near the shape, but 500,500,500 is 86\d.* away, more than the diagonal"),
         ((500, 500, 500), r"`at` must lie near the shape"),

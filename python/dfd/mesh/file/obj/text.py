@@ -116,7 +116,7 @@ class _Lines:
             kept[self._begins[lines] - shifts + i] = ord(" ")
         text = re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), kept.tobytes())
         words = np.frombuffer(text, np.uint8) > ord(" ")  # control characters also separate words
-        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first and last bytes are separators
+        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # both ends are separators, so starts and ends alternate
         first, end = edges[::2], edges[1::2]
         counts = np.diff(np.searchsorted(first, stops), prepend=0)
         return Tokens(lines, counts, first, end, text, shifts)
@@ -143,7 +143,7 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
         wrong = next((word for word in words if _numbers(word, np.float64, 1) is None), b"")
-        raise ValueError(f"its {keyword!r} lines hold {shortened(decoded(wrong))}, which is not a number")
+        raise ValueError(f"{shortened(decoded(wrong))} in a {keyword!r} line is not a number")
     return values, first
 
 
@@ -176,7 +176,7 @@ def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     """Return the indices (C, 3) of the position, UV and normal of each face corner, from 0; −1 for none.
 
-    `counted` holds the line numbers of positions, UVs and normals: a negative index counts back from the face's line.
+    A negative index counts back from the face's line. So `counted` holds the lines of positions, UVs and normals.
     """
     places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
     slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
@@ -199,8 +199,8 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
         relative = found < 0
         found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
-        if column:  # an index of a missing UV or normal becomes −1
-            found[outside] = 0
+        if column:
+            found[outside] = 0  # this becomes −1 below: the corner has no UV or normal
         elif outside.any():
             where = int(np.argmax(outside))
             zero = numbers[first[given[where]]] == 0

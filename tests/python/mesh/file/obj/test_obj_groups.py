@@ -25,7 +25,7 @@ def test_a_name_that_is_not_there_gets_those_that_are(tmp_path: Path) -> None:
             mesh.group_vertices(name)
     for other in (Mesh(CORNERS, CUBE), load(write(tmp_path / "no.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"))):
         assert other.group_names == ()
-        with pytest.raises(ValueError, match=r"`name` must be a face group, and the mesh has none, got 'wall'"):
+        with pytest.raises(ValueError, match=r"`name` must be a face group of the mesh \(it has none\), got 'wall'"):
             other.group_vertices("wall")
 
 
