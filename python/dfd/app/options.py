@@ -76,7 +76,7 @@ def recorded_warnings() -> Iterator[list[UserWarning]]:
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     """Read the mesh of `source`. Return the mesh, and the reader's warnings without paths of this machine.
 
-    Raises ValueError if no sample has the name `source`, and the exceptions of `dfd.load`.
+    Raises ValueError if no sample has the name `source`. For a file, raises the exceptions of `dfd.load`.
     """
     if isinstance(source, str):
         import dfd.samples as samples

@@ -24,7 +24,7 @@ Preset = Annotated[
     PresetName | None,
     Option(
         metavar="default|paper",
-        help="Defaults of all other settings: dfd's own, or the paper's; if left out, dfd's own or those of --edit.",
+        help="Defaults of all other settings: dfd's or the paper's. If left out, the preset of --edit, else dfd's.",
     ),
 ]
 Fix = Annotated[

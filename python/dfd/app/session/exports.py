@@ -35,7 +35,7 @@ def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messa
     """
     path, report = folder / f"{file_stem(name)}{ENDINGS.get(kind, f'_edited.{kind}')}", ""
     if kind == "edit":
-        write_edit(path, deformer.edit, deformer.mesh)  # without `field`, no path of this machine is written
+        write_edit(path, deformer.edit, deformer.mesh)  # without a field, the file has no paths of this machine
     elif kind == "field":
         deformer.field.save(path)
     elif kind == "animation":

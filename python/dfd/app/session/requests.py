@@ -75,7 +75,7 @@ def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
 
 @request
 def compute(session: Session, transforms: PoseTransforms | None = None) -> ArrayAnswer:
-    """Compute the posed shape. `transforms` replace the edit's transforms of the handles that they name.
+    """Compute the posed shape. Handles that `transforms` names have these transforms, all others those of the edit.
 
     Answer: `positions`. Only the newest `compute` is answered.
     """
@@ -139,7 +139,7 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Change the region of a handle. A mask that is the handle's part changes, too. "add" and "remove" need `vertex`.
+    """Change the region of a handle, and the mask if it is the handle's part. "add" and "remove" need `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
@@ -181,7 +181,7 @@ def move(
         if changed:
             deformer.change(handle, **changed)
 
-    session.change(work, ("handle", handle), merge=merge)  # `Deformer.move` uses the same topic, so both merge
+    session.change(work, ("handle", handle), merge=merge)  # same topic as `Deformer.move`: a drag is one undo step
 
 
 @request
@@ -259,13 +259,13 @@ def set_symmetry(
 
 @request
 def set_preset(session: Session, preset: Preset) -> None:
-    """Set the preset, and give its reach, falloff and counterparts to every handle. This is one step of undo."""
+    """Set the preset, and set reach, falloff, counterparts and the plane's band to its values, in one undo step."""
     session.change(lambda deformer: setattr(deformer, "preset", preset))
 
 
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
-    """Replace D₀, which moves the rest of the shape. A null gets the identity's value. `merge` as in `set_symmetry`."""
+    """Replace D₀, the transform of vertices without weights. Null means no motion. `merge` is as in `set_symmetry`."""
     parts = transform.model_dump(exclude_none=True)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 

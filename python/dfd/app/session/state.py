@@ -35,7 +35,7 @@ class Editing:
         self._count = 0  # number of columns that have been sent
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
-        """Return the columns of each handle, and a dict from the identifiers of new columns to their values (V,).
+        """Return the weight columns of each handle, and a dict from the identifiers of new columns to values (V,).
 
         The page does not have the new columns yet. The caller must send them, because `sent` now contains them.
         """

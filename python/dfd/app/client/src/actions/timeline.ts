@@ -1,4 +1,4 @@
-/** Store, scrub and play key poses on the page. The edit changes only when a pose is applied. */
+/** Store, scrub and play key poses. The transforms of the handles change only when a shown moment is applied. */
 
 import { interpolate, REST, type Transform } from "../posing/affine";
 import type { KeyPose } from "../protocol/messages";
