@@ -1,4 +1,4 @@
-"""Map features by a metric that was learned for an encoder, so that feature distances separate parts better.
+"""Change an encoder's features by a learned map, the metric, so that feature distances separate parts better.
 
 An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. Pictures do
 not show thickness, which also distinguishes parts (`dfd.distillation.thickness`). So a linear map projects features and
@@ -40,9 +40,9 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
 }
 FOLDER = Path(__file__).with_name("metrics")
 # Mean distance of mapped features, divided by the mean distance of the encoder's features. The metric reduces distances
-# within small details with many vertices. With the value 1, a handle would move more vertices than without the metric.
+# within small details with many vertices, so more vertices would follow a handle. The factor compensates for this.
 FARTHER = 1.06
-KINDS_SHARE = 0.2  # weight of squared distances by kinds of parts, relative to squared distances by the linear map
+KINDS_SHARE = 0.2  # weight of the classifier in squared feature distances; the weight of the linear map is 1
 _LEAST_STRETCH = 0.02  # smallest factor by which mapped rows are scaled about their mean
 
 

@@ -15,12 +15,12 @@ from dfd.posing.pose import IDENTITY, Drag, pose
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
-    A `dfd.Drag` stores the sum over the handles that rest, so that only the moving handles are computed. It is used if
-    an edit changes only the transforms of at most half of the handles, and keeps the blend bands (`Grips.band`).
+    A `dfd.Drag` stores the displacements by all handles that do not move. It is used if an edit changes only the
+    transforms of at most half of the handles, and the widths of the blend bands (`Grips.band`) stay equal.
     """
 
     def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
-        """Store the arguments. The edit `bands_of` sets all blend bands, as in `HandleWeights.columns`."""
+        """Store the arguments. If `bands_of` is given, its transforms determine the widths of all blend bands."""
         self._mesh = mesh
         self._weights = weights
         self._bands_of = bands_of
@@ -103,7 +103,7 @@ def _without_handles(edit: Edit) -> tuple[Any, ...]:
 def _pose_key(edit: Edit) -> tuple[Any, ...]:
     """Return a cache key: everything in `edit` that changes the posed vertices.
 
-    It omits handles at rest if they move no vertex: if displacements are added linearly, without a default transform.
+    If displacements are added linearly, without a default transform, handles at rest move no vertex and are left out.
     """
     inert = edit.default is None and edit.rules.overlap == "add" and edit.blending == "linear"
     handles = [

@@ -20,10 +20,10 @@ NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that bot
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BESIDE = 0.2  # largest distance between patches beside each other, along the surface, in diagonals of the box
+BESIDE = 0.2  # two patches are beside each other up to this distance along the surface, in diagonals of the box
 STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
-MIDDLE = 1.5  # largest mean squared distance of a middle patch from the STARTS patches, divided by the smallest mean
-BRIDGE = 1.0  # concavity assigned to borders across small gaps between components of the mesh, which are clear borders
+MIDDLE = 1.5  # a middle patch has at most this factor times the smallest mean squared distance from the STARTS patches
+BRIDGE = 1.0  # concavity of borders across small gaps between components of the mesh, as if there were a clear crease
 
 
 class Borders:
@@ -151,7 +151,7 @@ class Distal:
         """Return the patches on the distal side of a patch, (P,) bool.
 
         Shortest paths from the middle of the shape to these patches pass through `patch` or a patch beside it. A patch
-        is beside `patch` if its distance is at most `BESIDE`, and patches at least as far from the middle join the two.
+        is beside `patch` if its distance is at most `BESIDE`, and a path between both comes no nearer to the middle.
         """
         far = self._distance >= self._distance[patch]
         component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])

@@ -16,15 +16,15 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
-# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus MARGIN.
-# For example, the front of a figure resembles the back, but its left and right sides are much more similar.
+# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus MARGIN. For
+# example, a figure's left and right are so similar that the plane between its front and back is not returned.
 WORSE_THAN_BEST, MARGIN = 3.0, 0.01
-ON_SURFACE = 0.5  # a plane is found only if at least this share of the moved samples have images on the surface
-# A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets (normalized) differ
-# by less than _COPY_OFFSET, and its dissimilarity is more than _COPY_RATIO times that of the better plane.
+ON_SURFACE = 0.5  # a plane is found only if its `_Candidate.on_surface` is at least this
+# A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets differ by less than
+# _COPY_OFFSET (normalized), and its dissimilarity is more than _COPY_RATIO times that of the better plane.
 _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
-# A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, its offset
-# (normalized) by less than _SNAP_OFFSET, and its dissimilarity rises by less than _SNAP_LOSS.
+# A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, its normalized
+# offset by less than _SNAP_OFFSET, and its dissimilarity rises by less than _SNAP_LOSS.
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
@@ -46,9 +46,9 @@ def symmetry_planes(
     Parameters
     ----------
     threshold
-        A number ε returns planes with a `score` below ε; the paper uses 0.1. The best ε depends on the encoder and its
-        block. "relative" returns planes with a `relative_score` of at most 0.25, and of at most 3 times the best
-        `relative_score` plus 0.01.
+        A number ε returns planes with a `SymmetryPlane.score` below ε; the paper uses 0.1. The best ε depends on the
+        encoder and its block. "relative" returns planes with a `relative_score` of at most 0.25 and at most 3 r + 0.01,
+        where r is the lowest `relative_score` of all planes.
     candidates
         "any", or "axes" for the paper's three planes: perpendicular to x, y or z, through the bounding box's center.
 
@@ -75,9 +75,9 @@ def symmetry_planes(
 
 @dataclass(frozen=True)
 class _Candidate:
-    plane: Float64  # (4,) unit normal and offset, normalized
+    plane: Float64  # (4,) unit normal and offset, in the normalized coordinates of `dfd.symmetry.evidence`
     dissimilarity: float  # see `SurfaceFeatures.dissimilarity`
-    on_surface: float  # share of the moved samples whose images lie on the surface, from the same method
+    on_surface: float  # of the samples that the plane's reflection moves, the share with images on the surface
 
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:

@@ -49,7 +49,7 @@ class Camera:
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def in_mesh(self, frame: Float64) -> Camera:
-        """Return the camera in mesh coordinates. The rows of `frame` (3, 3) are the axes of its present coordinates."""
+        """Return the camera in mesh coordinates. There, the rows of `frame` (3, 3) are the present x, y and z axes."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 

@@ -20,10 +20,10 @@ from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 
-COMPONENT_THRESHOLD = 0.5  # weights in a column's component are at least this fraction of the column's largest weight
+COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-# `equalize` raises the weights of a counterpart only if two of its values are large enough: the handle's weight by
-# features alone (LEAST_ALIKE), and the final weight before locality, divided by that at the handle (LEAST_EQUALIZED).
+# `equalize` raises the weights of a counterpart only if its weight by features alone is at least LEAST_ALIKE. Its final
+# weight, without the factor of locality, must also be at least LEAST_EQUALIZED times that at the handle.
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
 
 
@@ -102,9 +102,9 @@ class HandleWeights:
     def counterparts(self, edit: Edit, handle: Handle, band: float | None = None) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
-        Each place in `excluded_counterparts` excludes one counterpart: the one with the largest share at this place, or
-        the nearest one if all shares there are 0. The first counterpart always moves. `band` is as in `Grips.grip`. If
-        it is None, the handle's transform determines the width.
+        Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
+        this place. If all shares there are 0, the nearest one is excluded. The first counterpart always moves. `band`
+        is as in `Grips.grip`. If it is None, the handle's transform determines the width.
         """
         everywhere = handle.controls.reach != "part"
         band = self.grips.band(handle) if band is None else band
@@ -129,12 +129,12 @@ class HandleWeights:
 
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
-        """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
+        """Return the indices of the moving handles, for `_allocated`; () for fewer than two, or with "paper"."""
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def _allocated(self, edit: Edit, portions: list[Share], columns: list[Column]) -> tuple[list[Share], list[Column]]:
-        """Divide components among the moving handles, and return the remaining `portions` and `columns`."""
+        """Assign the components of parts to the moving handles. Return the remaining `portions` and `columns`."""
         moving = self.allocating(edit)
         among = [i for i, column in enumerate(columns) if column.handle in moving]
         nodes = nodes_of(self.mesh)
@@ -211,10 +211,10 @@ def _sparse(weights: Float32) -> Share:
 def _equalized(
     weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
 ) -> list[Share]:
-    """Multiply the `portions` of similar counterparts, so that without locality, all have the handle's weight.
+    """Scale the `portions` of similar counterparts so that these move as much as the handle, except for locality.
 
-    The factors of locality, which are `near` (N,) at the counterparts, remain in the results. The sum of the results at
-    a vertex is limited to the maximum of `weights`.
+    `near` (N,) are the factors of locality (Eq. 7) at the counterparts. These factors still lower the results. The sum
+    of the results at a vertex is limited to the maximum of `weights`.
     """
     found = []
     own = 0.0
