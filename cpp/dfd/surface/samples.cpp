@@ -15,7 +15,7 @@ constexpr double packing = 1.45;     // mean area of a sample's Voronoi cell, di
 constexpr double detour = 1.3;       // length of a path along edges, divided by distance along the surface (assumed)
 constexpr double same_place = 1e-5;  // links up to this length join coincident vertices; longer links cross gaps
 constexpr double support = 1.8;      // radius around a vertex, in sample spacings, outside which samples hardly matter
-constexpr double damping = 1e-2;     // damping of slopes in `fit_weights`, divided by the sum of all `importance`
+constexpr double damping = 1e-2;     // `fit_weights` damps slopes by this number times the sum of all `importance`
 
 using Point = std::array<double, 3>;
 
@@ -118,11 +118,11 @@ std::vector<Touching> touching_cells(const Surface& mesh, Matrix<const double> v
     return found;
 }
 
-/// Computes `weights` (n) for a weighted sum of values at `points` (n). A linear function is fitted to the values by
-/// least squares, with the `importance` (n) of each point. The weighted sum is the function's value at the origin.
+/// Sets `weights` (n) so that the sum of weights × values at `points` (n) is a linear function's value at the origin.
+/// This function is fitted to the values by least squares, with the `importance` (n) of each point.
 void fit_weights(std::span<const Point> points, std::span<const double> importance, std::span<float> weights)
 {
-    // The normal equations have the basis (1, x, y, z). The value at the origin is the first coefficient.
+    // In the basis (1, x, y, z), the value at the origin is coefficient 0, so the right-hand side is (1, 0, 0, 0).
     double a[4][4] = {}, solution[4] = {1, 0, 0, 0};
     for (std::size_t i = 0; i < points.size(); ++i) {
         const double row[4] = {1, points[i][0], points[i][1], points[i][2]};
