@@ -1,7 +1,7 @@
 """Measure how well a handle moves the subtree of a joint, in the rigs of characters and animals.
 
 The subtree of a joint is all vertices of the joint and its descendants. A user who adds a handle in a subtree may mean
-this subtree or that of an ancestor: alone, on both sides, on all limbs, or for all joints of the same kind.
+this subtree or that of an ancestor. Each counts alone, on both sides, on all limbs, and for all joints of its kind.
 """
 
 import re

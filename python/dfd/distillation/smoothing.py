@@ -41,7 +41,7 @@ from dfd.geometry.topology import face_areas, face_components, sample_surface
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-if TYPE_CHECKING:  # `_factors` imports this module on another thread, while the encoder runs
+if TYPE_CHECKING:  # scipy.sparse.linalg loads slowly, so `_factors` loads it on another thread while the encoder runs
     from scipy.sparse.linalg import SuperLU
 
 SURFACE_SAMPLES = 12_000  # number of surface samples; their mean spacing is about 0.02 in normalized coordinates
@@ -146,8 +146,8 @@ def smooth_along_surface(pixels: PixelTargets, on: DiffusionProblem, *, stages: 
 def _factors(confidence: Float64, area: float, distance: float, links: sparse.csr_matrix) -> SuperLU:
     """Return LU factors of the system whose solution Z minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_i<j w_ij ‖Z_i − Z_j‖².
 
-    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are areas multiplied by at most `SATURATED_COVERAGE`. So t
-    is `distance`² / 2, multiplied by `SATURATED_COVERAGE`.
+    `links` (N, N) are the w_ij. The c_i in `confidence` (N,) are areas times at most `SATURATED_COVERAGE`. Therefore t
+    also has this factor: t = `distance`² / 2 × `SATURATED_COVERAGE`.
     """
     from scipy.sparse.linalg import splu
 
@@ -177,9 +177,10 @@ def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
 def _surface_links(points: Float64, component: Int32, seen: Bool, area: float) -> sparse.csr_matrix:
     """Return symmetric weights (N, N) of links between nearby samples, so that Zᵀ L Z ≈ ∫ ‖∇Z‖² (L: see `_laplacian`).
 
-    For a constant gradient g near sample i, its k links contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z. So the
-    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g². `area` is the surface area per sample. For each sample,
-    `points` (N, 3) is the position, `component` (N,) the connected component, and `seen` (N,) whether a pixel shows it.
+    For a constant gradient g near sample i, its k links contribute ¼ Σ_j w_ij ‖p_i − p_j‖² g² to Zᵀ L Z: half of each
+    term is for sample j, and the mean of cos² over directions is ½. So the weights w_ij = 4 area / (k ‖p_i − p_j‖²)
+    give area · g². `area` is the surface area per sample. For each sample, `points` (N, 3) is the position,
+    `component` (N,) the connected component, and `seen` (N,) whether a pixel shows it.
     """
     every = np.arange(len(points))
     hidden = np.bincount(component, seen)[component] == 0  # samples on components that no camera sees
@@ -234,7 +235,7 @@ def _links(
 ) -> tuple[Int64, Int64, Float64]:
     """Return those links from samples in `ends` to the nearest other samples in `others` for which `linked` is True.
 
-    The result is the first ends, the second ends, and the weights, which all equal `weight` / `neighbors`.
+    The result is the samples at both ends of each link, and the weights, which all equal `weight` / `neighbors`.
     """
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

@@ -23,7 +23,7 @@ RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 
 class Share(NamedTuple):
-    """A number in [0, 1], called share, for each vertex of a mesh. Only shares above 0 are stored."""
+    """The share of each vertex in a group: a number in [0, 1]. Only shares above 0 are stored."""
 
     vertices: NDArray[np.integer]  # (N,) ascending
     values: Float32  # (N,) in (0, 1]
@@ -55,9 +55,9 @@ class Nodes:
     members, starts, ends
         The vertices of node n are `members[starts[n] : ends[n]]`.
     component
-        (N,) index of the surface component that contains each node. Bridges across gaps do not connect components.
+        (N,) index of the surface component that contains each node. Edges of `graph` across gaps do not count.
     used
-        (N,) whether the node's component has a face. Parts and counterparts consist only of such nodes.
+        (N,) whether the node's component has a face. No other node belongs to a part of the shape.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -130,7 +130,7 @@ _NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
 
 
 def nodes_of(mesh: Mesh) -> Nodes:
-    """Return the nodes of a mesh. Calls with one mesh return one object, as long as this object is in use."""
+    """Return the nodes of a mesh. Later calls with this mesh return the same object, while that object is in use."""
     known = _NODES.get(mesh)
     nodes = None if known is None else known()
     if nodes is None:

@@ -27,7 +27,8 @@ PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 NOT_UNIT = 1e-3  # a quaternion whose length differs from 1 by more than this gives a warning
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
-# Descriptions of a handle's motions: fields of `Transform`, and `towards` and `open`, which are converted to fields.
+# A description of each motion of a handle. `towards` and `open` are converted to fields of `Transform`; all others are
+# such fields.
 _of_pose, _of_part = partial(About, affects="pose"), partial(About, affects="pose", of_part=True)
 MOTIONS = {
     "translation": _of_pose("Move the handle, in mesh units.", metavar="X Y Z", option="translate", unit="length"),
@@ -86,7 +87,7 @@ class Transform(Brief):
     rotation: Annotated[Vector, Written(tuple[float, ...]), MOTIONS["rotation"]] = (0.0, 0.0, 0.0)
     # Factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
     scale: Annotated[Vector, Written(float | Vector), MOTIONS["scale"]] = (1.0, 1.0, 1.0)
-    # In mesh units; None is the handle's position, or for the default transform, the center of the bounding box.
+    # In mesh units. None is the handle's position, or in an edit's default transform, the center of the bounding box.
     pivot: Annotated[Vector | None, MOTIONS["pivot"]] = None
     # Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's axes.
     axes: Annotated[Frame | None, MOTIONS["axes"]] = None

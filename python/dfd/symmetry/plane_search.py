@@ -10,7 +10,7 @@ from dfd.symmetry.evidence import SurfaceFeatures
 
 Planes = Float64  # (K, 4)
 
-_SEEDS = 300  # largest number of planes halfway between two samples, for which pairs of samples vote
+_SEEDS = 300  # largest number of candidate planes, each halfway between two samples; pairs of samples vote for planes
 _MOST_REFINED = 8  # largest number of planes, those with the most votes, that are fitted to the surface
 _PAIR_FITS = 0.12  # a pair votes for a plane if the mirror image of a sample is nearer than this to the other sample
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06  # planes with a smaller angle and difference of offsets are the same
@@ -64,7 +64,7 @@ def _between(points: Float64, pairs: Int64) -> Planes:
 
 
 def _principal(points: Float64) -> Planes:
-    """Return the planes (6, 4) perpendicular to x, y, z through the origin, or to principal axes through the mean."""
+    """Return six planes (6, 4): three perpendicular to x, y, z, and three perpendicular to the principal axes."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     normals = np.concatenate([np.eye(3), axes])

@@ -63,17 +63,20 @@ def bind(
     ----------
     features
         (V, D) feature rows, usually of unit length; they are not normalized. float32 is read in place. They may also be
-        compact features, with which binding is many times faster. Weights stay within the tolerance of `dfd.compact`.
+        compact features, with which binding is many times faster. The weights then change by at most the tolerance that
+        `dfd.compact` was given.
     handles
         (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
         regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
-        region depends on the member of the region with the most similar feature. At most 32 members are used: those
-        whose features differ most, and by more than 0.001. They are chosen from at most 8,192 evenly spaced members.
+        region depends on the member of the region with the most similar feature. At most 32 members are used, whose
+        features differ most from each other, and by more than 0.001. They are chosen from at most 8,192 members, taken
+        at equal intervals from the list.
     fixed
-        Points or regions that stay in place with all surface that looks like them: (P,), (P, D) or a sequence of P
-        items, as for `handles`.
+        Points or regions that stay in place: (P,), (P, D) or a sequence of P items, as for `handles`. Surface with
+        similar features stays, too.
     strength
-        The factors s in [0, 1] of the weights that fixed points subtract: one number, or (P,). None stands for 1.
+        Factors s in [0, 1]: one number, or (P,). Eq. 6 subtracts the weights of each fixed point, multiplied by its s.
+        None stands for 1.
     geodesic
         (H, V) distances G along the surface from each handle, in [0, 1]. float32 is read in place.
     locality

@@ -159,7 +159,7 @@ def shown_nodes(header: Header) -> set[int]:
         return set(range(len(nodes)))
     index = header.get("scene", 0)
     if not is_index(index, len(scenes)):
-        raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
+        raise ValueError(f"its default scene has the index {shortened(index)}, but the file has {len(scenes)} scenes")
     roots = scenes[index].get("nodes", [])
     if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
         raise ValueError("its scene has nodes that do not exist")
@@ -243,7 +243,7 @@ def joint_matrices(skin: Any, data: GltfData, world: Mapping[int, Float64]) -> F
     inverse = data.accessor(content["inverseBindMatrices"])
     if inverse.shape[1] != 16 or len(inverse) < len(joints):
         raise ValueError(f"a skin has {len(inverse)} inverse bind matrices for {len(joints)} joints")
-    with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness
+    with np.errstate(over="ignore", invalid="ignore"):  # `primitives.place` refuses infinity and NaN
         return placed @ inverse[: len(joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
 
 
@@ -283,7 +283,7 @@ def closed_seams(positions: Float64, transforms: Float64) -> Float64:
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:
-        return transforms  # `place` raises an error for infinity and NaN
+        return transforms  # `primitives.place` refuses infinity and NaN
     first, vertex = weld(positions)
     placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
     leader = first[vertex]
