@@ -12,6 +12,7 @@ from dfd.posing.transforms import frame_of_normal
 
 MOTION = 0.3  # length of the translation, which is perpendicular to the part's axis, as a fraction of the part's length
 SMOOTH = 25.0  # largest fold of a smooth border, in degrees
+LEAST_FACES = 5000  # in a mesh with fewer faces, the edges of a smooth surface already have large angles
 LEAST_EDGES = 20  # a blend band, in which weights are between 0 and 1, is measured if it has at least this many edges
 LEGEND = {
     "fold": "median over the handles, in degrees; the fold of a border is the 99th percentile of the changes of "
@@ -21,7 +22,12 @@ LEGEND = {
 
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
-    """Return the numbers that `LEGEND` explains, for a handle of each joint; NaN if no handle has a blend band."""
+    """Return the numbers that `LEGEND` explains, for a handle of each joint; NaN if none has a blend band.
+
+    All numbers are also NaN if the mesh has fewer than `LEAST_FACES` faces.
+    """
+    if len(shape.mesh.faces) < LEAST_FACES:
+        return dict.fromkeys(LEGEND, np.nan)
     session, edges = dfd.Deformer(shape.mesh, field), _edges(shape.mesh)
     found = [_fold(session, edges, int(first)) for first, *_ in shape.handles()]
     folds = np.array([each for each in found if each is not None])

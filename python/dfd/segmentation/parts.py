@@ -6,8 +6,9 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from dfd.common import check
@@ -23,19 +24,22 @@ Level = Literal["smaller", "part", "larger"]
 LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at the next smaller level
 # If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
-# In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. At the border, they are 0.5. The
-# band's width is at most WIDEST times the diagonal of the bounding box, and at most WIDEST_OF_GIRTH times the girth of
-# the part: the mean length of the part's borders. A wider band makes the surface of a moved part less steep. With half
-# of both values, the surface of 20 rigs folds by 72° instead of 67° (`python -m bench.quality borders`).
-WIDEST, WIDEST_OF_GIRTH = 0.2, 0.5
-# BANDS are the possible widths of the blend band, as fractions of its largest width. The band has the smallest width
-# that is at least LEAST_WIDTH times the displacement of the border across `Border.direction`. If all are smaller, the
-# band has the largest width. At rest, it has the smallest width, at which the weights agree best with labelled parts.
-# A band that is not limited by its largest width has a slope of at most 1.5 divided by LEAST_WIDTH.
-BANDS, LEAST_WIDTH = (0.25, 0.5, 1.0), 3.0
+# In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. At rest, the band's width is REST
+# times the diagonal of the bounding box, and at most REST_OF_GIRTH times the girth of the part: the mean length of the
+# part's borders. With twice this width, weights agree less with labelled parts: their soft IoU is 0.674, not 0.681
+# (`python -m bench.quality labelled`).
+REST, REST_OF_GIRTH = 0.0125, 0.03125
+# For a moving part, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
+# the part, the band ends at most OUTWARD widths at rest from the border. Inside, it ends at most INWARD times the
+# largest depth of the part from the border. With twice OUTWARD, the surface of 33 rigs folds by 27° instead of 34°
+# (`python -m bench.quality borders`), but legs then move the whole trunk.
+LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.75
+# The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
+# each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
+# up to MARGIN × d beyond the band. Without smoothing, the same surfaces fold by 47°.
+SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
-# The largest width is multiplied by TRUNK for parts with more than MOST_BORDERS borders per component, such as a trunk.
-TRUNK, MOST_BORDERS = 3.0, 1.5
+MOST_BORDERS = 1.5  # a component with more borders, such as a trunk, has no direction (`Border.direction`)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,22 +58,28 @@ class Part:
 
 
 class Border(NamedTuple):
-    """The border of the part's connected component at the handle, and the largest width of the blend band there."""
+    """The border of the part's connected component at the handle, and the sizes of the blend band there.
 
-    points: Float64  # (B, 3) positions of some mesh nodes at the border, in mesh units
-    direction: Float64  # (3,) unit vector from the border to the middle of the component; 0 for a trunk (`TRUNK`)
-    widest: float  # largest width of the blend band, in mesh units
+    Lengths are in mesh units.
+    """
+
+    points: Float64  # (B, 3) positions of some mesh nodes at the border
+    direction: Float64  # (3,) unit vector from the border to the component's middle; 0 for a trunk (`MOST_BORDERS`)
+    rest: float  # width of the blend band at rest
+    outward: float  # largest distance of the band's outer end from the border
+    inward: float  # largest distance of the band's inner end from the border
 
     def band(self, affine: Float64) -> float:
-        """Return the width of the blend band, divided by its largest width, for a part that `affine` (3, 4) moves.
+        """Return the width of the blend band, divided by its width at rest, for a part that `affine` (3, 4) moves.
 
-        If the border moves farther across `direction`, the band is wider, so that the surface in the band is less
-        steep. A motion along `direction` only lengthens the limb, so the band stays narrow.
+        If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
+        along `direction` do not count: they only lengthen the limb.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
-        moved -= (moved @ self.direction)[:, None] * self.direction
+        moved -= (moved @ self.direction).clip(0.0)[:, None] * self.direction
         least = LEAST_WIDTH * np.abs(moved).max(initial=0.0)
-        return next((band for band in BANDS if band * self.widest >= least), BANDS[-1])
+        ratio = min(least, self.outward + self.inward) / self.rest
+        return float(2.0 ** np.ceil(np.log2(max(ratio, 1.0))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +131,11 @@ class Parts:
         nodes = self._snapped(inside, vertex)
         return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
-    def grip(self, at: Any, band: float = BANDS[0]) -> Grip | None:
+    def grip(self, at: Any, band: float = 1.0) -> Grip | None:
         """Return the part that a handle at a place moves, or None if there is no part, such as on a ball.
 
         The result includes all regions that only this part connects to the rest of the shape. `band` is the width of
-        the blend band, divided by its largest width.
+        the blend band, divided by its width at rest.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -137,37 +147,33 @@ class Parts:
         if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
             return None
         side = self._snapped(inside, vertex)
-        components, borders = components_and_borders(patches, inside)
-        wider = TRUNK if borders > MOST_BORDERS * len(components) else 1.0
-        widest = patches.size * wider * min(WIDEST, tree.girth(chosen) * WIDEST_OF_GIRTH)
-        width = band * widest
         # The blend band does not cross gaps between components of the mesh, such as gaps between teeth and lips.
-        graph, component = patches.nodes.graph, patches.nodes.component
+        graph, of_mesh = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
-        connected = component[row] == component[graph.indices]
+        connected = of_mesh[row] == of_mesh[graph.indices]
         row, beside, apart = row[connected], graph.indices[connected], graph.data[connected]
-        graph = csr_array((apart, (row, beside)), shape=graph.shape)
         ends = np.unique(row[side[row] != side[beside]])
-        depth = np.full(len(side), width)
-        for inner in (False, True):
-            if len(sources := ends[side[ends] != inner]):
-                found = dijkstra(graph, indices=sources, min_only=True, limit=width)
-                depth[side == inner] = np.minimum(found[side == inner], width)
-        within = np.clip(0.5 + np.where(side, depth, -depth) / width, 0.0, 1.0)
-        within = within * within * (3.0 - 2.0 * within)
+        depth = _depth(csr_array((apart, (row, beside)), shape=graph.shape), side, ends)
+        component = components_of(patches, inside)
+        own = component[patch]
+        area = np.bincount(component[inside], patches.area[inside])
+        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == own)
+        component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
+        # `component` is −1 at borders that `snapped` moved outwards. Each end belongs to the nearest component.
+        center, known, ends = patches.nodes.center, np.flatnonzero(component >= 0), ends[side[ends]]
+        nearest = known[cKDTree(center[known]).query(center[ends])[1]] if len(known) else ends
+        points = center[ends[component[nearest] == own]]
+        direction = np.zeros(3)
+        components, borders = components_and_borders(patches, inside)
+        if borders <= MOST_BORDERS * len(components) and len(points):
+            direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
+        rest = patches.size * min(REST, tree.girth(chosen) * REST_OF_GIRTH)
+        inward = max(INWARD * depth[np.isfinite(depth)].max(initial=0.0), rest / 2)
+        border = Border(points[:: 1 + len(points) // MOST_POINTS], direction, rest, OUTWARD * rest, inward)
+        within = _blended(patches, depth, border, band)
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))
         scale = max(weights[vertex], np.float32(0.01))
-        component = components_of(patches, inside)
-        area = np.bincount(component[inside], patches.area[inside])
-        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == component[patch])
-        own = component[patch]
-        component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
-        points = patches.nodes.center[ends[component[ends] == own]]
-        along = np.zeros(3)
-        if wider == 1.0 and len(points):
-            along = unit((patches.nodes.center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
-        border = Border(points[:: 1 + len(points) // MOST_POINTS], along, widest)
         of_node = np.minimum(within / scale, 1).astype(np.float32)
         return Grip(np.minimum(weights / scale, 1), of_node, component, border)
 
@@ -252,6 +258,42 @@ class Parts:
     @cached_property
     def _hierarchy(self) -> Hierarchy:
         return Hierarchy(self._patches, self._patches.means(self._features))
+
+
+def _depth(graph: csr_array, side: Bool, ends: Int64) -> Float64:
+    """Return the signed distance (N,) of each mesh node from the border of a part, along the surface, in mesh units.
+
+    The distances are positive in the part `side` (N,), and negative outside. They are infinite for nodes that no path
+    of `graph` (N, N) joins to the border. `ends` (E,) are the nodes beside the border, on both sides.
+    """
+    depth = np.where(side, np.inf, -np.inf)
+    for inner in (False, True):
+        if len(sources := ends[side[ends] != inner]):
+            found = dijkstra(graph, indices=sources, min_only=True)
+            depth = np.where(side == inner, found if inner else -found, depth)
+    return depth
+
+
+def _blended(patches: Patches, depth: Float64, border: Border, band: float) -> Float64:
+    """Return weights (N,) of mesh nodes that fall from 1 to 0 in the blend band.
+
+    `depth` (N,) is the result of `_depth`, and `band` is as in `Parts.grip`.
+    """
+    outward = min(band * border.rest / 2, border.outward)
+    width = outward + min(band * border.rest - outward, border.inward)
+    weights = ((depth + outward) / width).clip(0.0, 1.0)
+    beyond, area = MARGIN * outward, patches.node_area
+    free = np.flatnonzero((depth > -outward - beyond) & (depth < width - outward + beyond) & (area > 0.0))
+    if len(free):
+        borders, time = patches.node_borders, (SMOOTHING * outward / patches.size) ** 2
+        conductance = borders.graph(time * borders.length / borders.apart)[free]
+        among = conductance[:, free]
+        laplacian = diags_array(np.asarray(conductance.sum(axis=1)).ravel()) - among
+        fixed = conductance @ weights - among @ weights[free]
+        solve = splu((diags_array(area[free]) + laplacian).tocsc()).solve
+        for _ in range(STEPS):
+            weights[free] = solve(area[free] * weights[free] + fixed)
+    return np.asarray(weights[patches.first], np.float64)
 
 
 def cut_document(found: Sequence[Part]) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
 
     heard = len(page.heard)
     for step in range(5):
-        page.ask("move", handle=handle, transform={"translation": [0, -0.1 * step, 0]}, merge=step > 0)
+        page.ask("move", handle=handle, transform={"translation": [0, -0.4 - 0.02 * step, 0]}, merge=step > 0)
     sizes = [len(json.dumps(message)) for message in page.heard[heard + 3 :]]
     assert max(sizes) < 2000, "frames of a drag are small"
     page.ask("move", handle=handle, transform={"translation": [0, -0.5, 0]}, merge=True, settle=True)
@@ -162,6 +162,16 @@ def test_a_drag_with_the_wheel_is_one_step(page: Page) -> None:
     page.ask("undo")
     page.ask("undo")
     assert page.last("state")["handles"] == []
+
+
+def test_a_drag_sends_weights_again_only_if_the_blend_band_widens(page: Page) -> None:
+    handle, heard = page.hold(5), []
+    size = page.last("mesh")["diagonal"]
+    for share in (0.0001, 0.0002, 0.3, 0.31):
+        before = len(page.heard)
+        page.ask("move", handle=handle, transform={"translation": [share * size, 0, 0]}, merge=bool(heard))
+        heard.append("state" in [message["type"] for message in page.heard[before:]])
+    assert heard == [True, False, True, False]
 
 
 def test_a_drag_that_cannot_end_as_asked_stays_as_it_was(page: Page) -> None:

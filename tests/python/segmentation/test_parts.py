@@ -6,7 +6,7 @@ import trimesh
 from made_field import field_of
 
 import dfd
-from dfd.segmentation.parts import Parts
+from dfd.segmentation.parts import MARGIN, Parts
 from dfd.segmentation.patches import Distal, Patches
 
 
@@ -116,7 +116,7 @@ def test_vertices_at_one_position_belong_to_one_part(chair):
 
 def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
-    held = chair_parts.grip(foot_of(chair)).weights
+    held = chair_parts.grip(foot_of(chair), 4.0).weights
     assert held.dtype == np.float32
     assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
@@ -126,18 +126,27 @@ def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(
     assert held[~legs].mean() < 0.05
 
 
-def test_a_trunk_has_a_wider_blend_band_than_a_limb():
-    """The torso has borders with four limbs and a head. A narrow blend band would stretch the surface there."""
-    robot = dfd.samples.robot(4_000)
-    parts, vertices, widest = parts_of(robot), robot.mesh.vertices, []
-    for name in ("head", "torso"):
-        inside = robot.labels == robot.parts.index(name)
-        own = robot.vertices_of(name)
-        held = parts.grip(int(own[len(own) // 2])).weights
-        fading = vertices[inside & (held < 0.97)]
-        away = np.linalg.norm(fading[:, None] - vertices[~inside][None], axis=2).min(axis=1)
-        widest.append(away.max() / robot.mesh.diagonal)
-    assert widest[0] < 0.05 < widest[1]
+@pytest.mark.parametrize("band", [1.0, 8.0, 64.0])
+def test_the_blend_band_is_smooth_and_ends_near_the_border(chair, chair_parts, band):
+    """The slope between neighboring vertices changes little, and only vertices near the legs have weights above 0."""
+    legs = chair.labels == chair.parts.index("leg")
+    grip = chair_parts.grip(foot_of(chair), band)
+    held, border, vertices = grip.weights, grip.border, chair.mesh.vertices
+    assert held[foot_of(chair)] == 1
+    away = np.linalg.norm(vertices[:, None] - vertices[legs][None], axis=2).min(axis=1)
+    outward = min(band * border.rest / 2, border.outward)
+    assert (held[away > (1 + MARGIN) * outward + 0.03 * chair.mesh.diagonal] == 0).all()
+    assert held[away > outward].max() < 0.5
+    if band > 1:
+        one, other = trimesh.Trimesh(vertices, chair.mesh.faces, process=False).edges_unique.T
+        width = outward + min(band * border.rest - outward, border.inward)
+        slope = np.abs(held[one] - held[other]) / np.linalg.norm(vertices[one] - vertices[other], axis=1)
+        assert np.quantile(slope[slope > 0], 0.99) < 1.2 / width
+
+
+def test_the_border_of_every_part_has_points(chair, chair_parts):
+    grips = [chair_parts.grip(vertex) for vertex in range(0, len(chair.mesh.vertices), 97)]
+    assert all(len(grip.border.points) for grip in grips)
 
 
 def test_a_narrow_strip_with_other_features_is_no_part():
@@ -155,11 +164,11 @@ def test_a_narrow_strip_with_other_features_is_no_part():
 
 
 def test_the_weight_at_a_handle_in_the_blend_band_is_1(chair, chair_parts):
-    held = chair_parts.grip(foot_of(chair), 1.0).weights
+    held = chair_parts.grip(foot_of(chair), 16.0).weights
     in_band = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
     assert len(in_band)
     for vertex in in_band[::7]:
-        own = chair_parts.grip(vertex, 1.0).weights
+        own = chair_parts.grip(vertex, 16.0).weights
         assert own[vertex] == 1
         assert own.max() == 1
 

@@ -168,12 +168,18 @@ def move(
     """Set values of a handle's transform, relative to the resting shape.
 
     Each `move` of a drag except the first has `merge`, so the drag is one step of undo. After a `move` with `merge`,
-    the server sends `state` only if `controls` change or `settle` is true. The last `move` of a drag has `settle`.
+    the server sends `state` only if `controls` or the width of the blend band change, or if `settle` is true. The last
+    `move` of a drag has `settle`.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
-        session.deformer.move(handle, **parts, merge=True)
-        session.require().shown = session.deformer.edit  # the page has already drawn this edit
+        deformer, band = session.deformer, session.deformer.bound.grips.band
+        before = band(deformer.handle(handle))
+        deformer.move(handle, **parts, merge=True)
+        if band(deformer.handle(handle)) == before:
+            session.require().shown = deformer.edit  # the page has already drawn this edit
+        else:
+            session.tell_state()
         return
 
     def work(deformer: Any) -> None:

@@ -58,7 +58,7 @@ class FeatureWeights:
         The widths of the blend bands depend on the handles' transforms in `bands_of`, or in `edit` if it is None.
         """
         bands = [self._grips.band(handle) for handle in (bands_of or edit).handles]
-        keys = [self._key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
+        keys = [self.key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
         if keys != self._keys:
             row_of = {key: row for row, key in enumerate(self._keys)}
             columns = np.empty((len(keys), len(self._mesh.vertices)), np.float32)
@@ -104,7 +104,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
-        distances, power = self._falloff(self._key(handle, edit, self._grips.band(handle)))
+        distances, power = self._falloff(self.key(handle, edit, self._grips.band(handle)))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
@@ -133,7 +133,8 @@ class FeatureWeights:
             most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - most
 
-    def _key(self, handle: Handle, edit: Edit, band: float) -> Key:
+    def key(self, handle: Handle, edit: Edit, band: float) -> Key:
+        """Return the key of a handle's column. `band` is as in `Grips.grip`."""
         place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
         sources: list[int] = []
         if controls.locality > 0 or controls.radius is not None:

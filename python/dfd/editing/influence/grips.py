@@ -15,7 +15,7 @@ from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
-from dfd.segmentation.parts import BANDS, Border, Grip, Parts
+from dfd.segmentation.parts import Border, Grip, Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -52,21 +52,21 @@ class Grips:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
 
-    def grip(self, place: Place, band: float = BANDS[0]) -> Grip | None:
+    def grip(self, place: Place, band: float = 1.0) -> Grip | None:
         """Return the part at a place, including all counterparts; None if there is no part, such as on a ball.
 
         In the blend band, a strip along the border of the part, weights fall from 1 to 0. `band` is the width of this
-        strip, divided by the largest width that it may have.
+        strip, divided by its width at rest.
         """
         return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
 
     def band(self, handle: Handle) -> float:
-        """Return the argument `band` of `grip` for a handle. At rest or without a part, it is the smallest."""
+        """Return the argument `band` of `grip` for a handle. At rest or without a part, it is 1."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, IDENTITY):
-            return BANDS[0]
+            return 1.0
         place = handle.place
         border = self._borders.get(place, lambda: None if (grip := self.grip(place)) is None else grip.border)
-        return BANDS[0] if border is None else border.band(handle.matrix)
+        return 1.0 if border is None else border.band(handle.matrix)
 
     def held(self, place: Place, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
         """Return the part and the counterparts at a place. If given, `plane` replaces the shape's planes of symmetry.

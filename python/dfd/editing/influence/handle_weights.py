@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
@@ -84,15 +86,22 @@ class HandleWeights:
         return followed
 
     def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
-        """Return the connected components that follow a handle of `edit`, the component at the handle first."""
-        weights, columns = self.columns(edit)
+        """Return the connected components that follow a handle of `edit`, the component at the handle first.
+
+        The blend bands are those at rest, so the result does not depend on how far the handle moves.
+        """
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
         others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        key = (self.by_features.of(edit)[1][number], handle.controls, edit.preset, edit.symmetry, others, moving)
-        own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
-        anchor = self.rows.anchor(handle.place)
-        return self._held_parts.get(key, lambda: held_parts(self.mesh, self._axes, anchor, own, edit.symmetry))
+        key = (self.by_features.key(handle, edit, 1.0), handle.controls, edit.preset, edit.symmetry, others, moving)
+
+        def find() -> list[HeldPart]:
+            resting = tuple(replace(each, transform=Transform()) for each in edit.handles)
+            weights, columns = self.columns(edit, replace(edit, handles=resting))
+            own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
+            return held_parts(self.mesh, self._axes, self.rows.anchor(handle.place), own, edit.symmetry)
+
+        return self._held_parts.get(key, find)
 
     def bent(self, edit: Edit) -> Float64:
         """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`."""
