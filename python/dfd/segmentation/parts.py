@@ -24,22 +24,23 @@ Level = Literal["smaller", "part", "larger"]
 LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at the next smaller level
 # If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
-# In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. At rest, the band's width is REST
-# times the diagonal of the bounding box, and at most REST_OF_GIRTH times the girth of the part: the mean length of the
-# part's borders. With twice this width, weights agree less with labelled parts: their soft IoU is 0.674, not 0.681
-# (`python -m bench.quality labelled`).
+# In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
+# length of its borders. At rest, the band's width is the smaller of two numbers: REST times the diagonal of the bounding
+# box, and REST_OF_GIRTH times the girth. If it is twice as wide, the soft IoU of the weights and labelled parts falls
+# from 0.681 to 0.674 (`python -m bench.quality labelled`).
 REST, REST_OF_GIRTH = 0.0125, 0.03125
-# For a moving part, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
-# the part, the band ends at most OUTWARD widths at rest from the border. Inside, it ends at most INWARD times the
-# largest depth of the part from the border. With twice OUTWARD, the surface of 33 rigs folds by 27° instead of 34°
-# (`python -m bench.quality borders`), but legs then move the whole trunk.
+# If the part moves, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
+# the part, the band extends at most OUTWARD times its width at rest from the border. Inside the part, it extends at
+# most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of 33
+# rigs (`python -m bench.quality borders`) from 34° to 27°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.75
+SLANT = 0.27  # tangent of 15°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
-# up to MARGIN × d beyond the band. Without smoothing, the same surfaces fold by 47°.
+# up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 47°.
 SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
 MOST_POINTS = 64  # largest number of border points whose displacement is measured
-MOST_BORDERS = 1.5  # a component with more borders, such as a trunk, has no direction (`Border.direction`)
+MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Border(NamedTuple):
     Lengths are in mesh units.
     """
 
-    points: Float64  # (B, 3) positions of some mesh nodes at the border
+    points: Float64  # (B, 3) positions of some mesh nodes (`dfd.geometry.coarse`) at the border
     direction: Float64  # (3,) unit vector from the border to the component's middle; 0 for a trunk (`MOST_BORDERS`)
     rest: float  # width of the blend band at rest
     outward: float  # largest distance of the band's outer end from the border
@@ -73,11 +74,13 @@ class Border(NamedTuple):
         """Return the width of the blend band, divided by its width at rest, for a part that `affine` (3, 4) moves.
 
         If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
-        along `direction` do not count: they only lengthen the limb.
+        along `direction`, or within 15° of it (`SLANT`), do not count: they only lengthen the limb.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
-        moved -= (moved @ self.direction).clip(0.0)[:, None] * self.direction
-        least = LEAST_WIDTH * np.abs(moved).max(initial=0.0)
+        along = (moved @ self.direction).clip(0.0)
+        with np.errstate(over="ignore"):  # after an overflow, the band has its largest width
+            across = np.linalg.norm(moved - along[:, None] * self.direction, axis=1) - SLANT * along
+        least = LEAST_WIDTH * across.max(initial=0.0)
         ratio = min(least, self.outward + self.inward) / self.rest
         return float(2.0 ** np.ceil(np.log2(max(ratio, 1.0))))
 
@@ -134,8 +137,8 @@ class Parts:
     def grip(self, at: Any, band: float = 1.0) -> Grip | None:
         """Return the part that a handle at a place moves, or None if there is no part, such as on a ball.
 
-        The result includes all regions that only this part connects to the rest of the shape. `band` is the width of
-        the blend band, divided by its width at rest.
+        Regions that would be cut off without this part belong to the result. `band` is the width of the blend band,
+        divided by its width at rest.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -159,7 +162,7 @@ class Parts:
         area = np.bincount(component[inside], patches.area[inside])
         large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == own)
         component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
-        # `component` is −1 at borders that `snapped` moved outwards. Each end belongs to the nearest component.
+        # `component` is −1 at borders that `snapped` moved outwards. Each node of `ends` gets the nearest component.
         center, known, ends = patches.nodes.center, np.flatnonzero(component >= 0), ends[side[ends]]
         nearest = known[cKDTree(center[known]).query(center[ends])[1]] if len(known) else ends
         points = center[ends[component[nearest] == own]]
@@ -204,7 +207,7 @@ class Parts:
             _ = self._hierarchy
 
     def _snapped(self, inside: Bool, vertex: int) -> Bool:
-        """Move the border of the part `inside` to creases. Return the part's mesh nodes (N,), with that of `vertex`."""
+        """Move the border of the part `inside` to creases. Return its nodes (N,); that of `vertex` is one of them."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
     def _chosen(self, patch: int, level: Level) -> int:
