@@ -38,7 +38,6 @@ LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.75
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
 # up to MARGIN × d beyond the band. Without smoothing, the same surfaces fold by 47°.
 SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
-MOST_POINTS = 64  # largest number of border points whose displacement is measured
 MOST_BORDERS = 1.5  # a component with more borders, such as a trunk, has no direction (`Border.direction`)
 
 
@@ -63,7 +62,7 @@ class Border(NamedTuple):
     Lengths are in mesh units.
     """
 
-    points: Float64  # (B, 3) positions of some mesh nodes at the border
+    points: Float64  # (B, 3) positions of the part's mesh nodes at the border
     direction: Float64  # (3,) unit vector from the border to the component's middle; 0 for a trunk (`MOST_BORDERS`)
     rest: float  # width of the blend band at rest
     outward: float  # largest distance of the band's outer end from the border
@@ -169,7 +168,7 @@ class Parts:
             direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
         rest = patches.size * min(REST, tree.girth(chosen) * REST_OF_GIRTH)
         inward = max(INWARD * depth[np.isfinite(depth)].max(initial=0.0), rest / 2)
-        border = Border(points[:: 1 + len(points) // MOST_POINTS], direction, rest, OUTWARD * rest, inward)
+        border = Border(points, direction, rest, OUTWARD * rest, inward)
         within = _blended(patches, depth, border, band)
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))
