@@ -71,19 +71,16 @@ def group_weights(of: bpy.types.Object, name: str) -> np.ndarray:
 def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.ndarray:
     import dfd
 
-    return weights(dfd.Field.load(field_file), coordinates(of), triangles(of), vertex, **how)
+    return weights(dfd.Field.load(field_file), coordinates(of), vertex, **how)
 
 
-def weights(field, vertices, faces, vertex: int, reach: float | str = "part", falloff: str | None = None) -> np.ndarray:
-    """Return the weights of a handle in a new session, without a session: it needs pydantic, which Blender lacks."""
+def weights(field, vertices, vertex: int, reach: float | None = None, falloff: str | None = None) -> np.ndarray:
+    """Return the weights (V,) of a handle on `ball`, by default those of a shape without parts."""
     import dfd
-    from dfd.editing.presets import LARGEST, PARTLESS_REACH, PRESETS
+    from dfd.editing.presets import PARTLESS_REACH, PRESETS
 
-    part = dfd.parts(field, dfd.Mesh(vertices, faces)).grip(vertex) if reach == "part" else None
-    if reach == "part":
-        reach = PARTLESS_REACH if part is None else LARGEST
-    column = dfd.bind(field(vertices), [vertex], reach=reach, falloff=falloff or PRESETS["default"].falloff)[:, 0]
-    return column if part is None else column * part
+    falloff = falloff or PRESETS["default"].falloff
+    return dfd.bind(field(vertices), [vertex], reach=reach or PARTLESS_REACH, falloff=falloff)[:, 0]
 
 
 def triangles(of: bpy.types.Object) -> np.ndarray:
@@ -152,7 +149,7 @@ def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     ball.dfd.field = str(tmp_path / "turned.field.safetensors")
     select(ball, 11)
     bpy.ops.dfd.weigh()
-    wanted = weights(turned, of_file, triangles(ball), 11)
+    wanted = weights(turned, of_file, 11)
     np.testing.assert_allclose(group_weights(ball, "dfd 11"), wanted, atol=1e-6)
 
 

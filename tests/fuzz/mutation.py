@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from typing import Any
 
@@ -52,10 +53,10 @@ def damaged_json(draw: st.DrawFn, good: Any) -> Any:
                 continue
             kind = draw(st.sampled_from(["exchange", "exchange", "remove", "repeat"]))
             if kind == "exchange":
-                node[key] = draw(st.sampled_from(VALUES))
+                node[key] = copy.deepcopy(draw(st.sampled_from(VALUES)))
             elif kind == "remove":
                 del node[key]
             elif isinstance(node, list):
-                node.append(child)
+                node.append(copy.deepcopy(child))
             break
     return document

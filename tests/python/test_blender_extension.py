@@ -65,7 +65,7 @@ def test_weights_are_those_of_a_session_however_the_file_was_turned(shape, field
         np.testing.assert_allclose(found.weights(5, "paper", **given), session.weights[:, 0], atol=1e-5)
 
 
-def test_sessions_in_blender_need_neither_torch_nor_pydantic():
+def test_weights_in_blender_need_neither_torch_nor_pydantic():
     left_out = ("torch", "pydantic", "rich", "typer", "onnx", "mapbox_earcut", "fast_simplification", "embreex")
     code = "import runpy, sys; runpy.run_path(sys.argv[1]); print(sys.modules.keys() & set(sys.argv[2:]))"
     command = [sys.executable, "-c", code, str(FOLDER / "shapes.py"), *left_out]

@@ -110,9 +110,10 @@ class Deformer(History):
 
     @public
     def counterparts(self, handle: int) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, each with False if `excluded_counterparts` excludes it, else True.
+        """Return the counterparts of a handle, and whether each moves with the handle.
 
-        The first counterpart is at the handle itself. The others are in order of decreasing similarity.
+        The first counterpart is at the handle itself. The others are in order of decreasing similarity. They do not
+        move if `excluded_counterparts` excludes them, or if the control `counterparts` is "only".
 
         Raises ValueError if there is no such handle.
         """

@@ -341,6 +341,10 @@ def _validated(document: Any, name: str, mesh: Mesh | None = None) -> EditFile:
         found = document.get(key)
         if found != value or isinstance(found, bool):
             raise ArgumentError(key, f"must be {_shown(value)}, got {_shown(found)}", name)
+    default = document.get("default")
+    for key in OF_HELD_PARTS:
+        if isinstance(default, dict) and key in default:
+            raise ArgumentError(*_unknown(("default", key)), name)
     try:
         return _model().validate_json(json.dumps(_completed(document, mesh)))
     except ValidationError as error:
@@ -409,15 +413,20 @@ def _reported(error: ValidationError) -> tuple[str, str]:
     if kind == "union_tag_invalid":
         return f"{_path(steps)}.kind", f"must be one of {first['ctx']['expected_tags']}, got {first['ctx']['tag']!r}"
     if kind == "unexpected_keyword_argument":
-        known = edit_schema()
-        for key in (step for step in steps[:-1] if isinstance(step, str) and step not in TAGS):
-            owners = re.findall(r"\$defs/(\w+)", json.dumps(known["properties"][key]))
-            known = edit_schema()["$defs"][owners[0]] if len(owners) == 1 else {}  # a region has several types
-        return _path(steps), "is an unknown key" + (f"; known are {', '.join(known['properties'])}" if known else "")
+        return _unknown(steps)
     must = re.sub(r"^\w+ should ", "", first["msg"])
     for theirs, ours in PHRASES.items():
         must = re.sub(theirs, ours, must)
     return _path(steps), f"must {must}, got {shown}"
+
+
+def _unknown(steps: tuple[int | str, ...]) -> tuple[str, str]:
+    """Return the path of an unknown key, and the reason with the known keys."""
+    known = edit_schema()
+    for key in (step for step in steps[:-1] if isinstance(step, str) and step not in TAGS):
+        owners = re.findall(r"\$defs/(\w+)", json.dumps(known["properties"][key]))
+        known = edit_schema()["$defs"][owners[0]] if len(owners) == 1 else {}  # a region has several types
+    return _path(steps), "is an unknown key" + (f"; known are {', '.join(known['properties'])}" if known else "")
 
 
 def _path(steps: Iterable[int | str]) -> str:

@@ -51,7 +51,7 @@ def surface_points(mesh: Mesh) -> Float32 | None:
 def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> None:
     """Raise ValueError if `field` was distilled from another shape than `mesh`.
 
-    The check accepts other resolutions of the shape, and pieces with at least half of its surface. A field without
+    The check accepts other resolutions of the shape, and pieces with at least 40 % of its surface. A field without
     surface samples, such as a `VertexField`, is compared by its bounding box only. The message names `allowed_by`, the
     public argument that disables this check.
 

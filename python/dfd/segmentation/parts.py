@@ -32,14 +32,13 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 # If the part moves, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
 # the part, the band extends at most OUTWARD times its width at rest from the border. Inside the part, it extends at
 # most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of
-# 33 rigs (`python -m bench.quality borders`) from 34° to 27°, but legs then move the whole trunk.
+# 33 rigs (`python -m bench.quality borders`) from 36° to 27°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.75
 SLANT = 0.27  # tangent of 15°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
 # up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 47°.
 SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
-MOST_POINTS = 64  # largest number of border points whose displacement is measured
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
 
@@ -64,7 +63,7 @@ class Border(NamedTuple):
     Lengths are in mesh units.
     """
 
-    points: Float64  # (B, 3) positions of some mesh nodes (`dfd.geometry.coarse`) at the border
+    points: Float64  # (B, 3) positions of the part's mesh nodes (`dfd.geometry.coarse`) at the border
     direction: Float64  # (3,) unit vector from the border to the component's middle; 0 for a trunk (`MOST_BORDERS`)
     rest: float  # width of the blend band at rest
     outward: float  # largest distance of the band's outer end from the border
@@ -172,7 +171,7 @@ class Parts:
             direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
         rest = patches.size * min(REST, tree.girth(chosen) * REST_OF_GIRTH)
         inward = max(INWARD * depth[np.isfinite(depth)].max(initial=0.0), rest / 2)
-        border = Border(points[:: 1 + len(points) // MOST_POINTS], direction, rest, OUTWARD * rest, inward)
+        border = Border(points, direction, rest, OUTWARD * rest, inward)
         within = _blended(patches, depth, border, band)
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))

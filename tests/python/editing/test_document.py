@@ -237,6 +237,11 @@ MISSING = object()
         (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),
         (("symmetry", "normal"), [1, 1, 0], r"`symmetry.normal` must have length 1, got 1.41421"),
         (("default", "locality"), 0, r"`default.locality` is an unknown key"),
+        (("default", "bend"), [0, 0, 9], r"`default.bend` is an unknown key; known are translation, .*, axes$"),
+        (("default", "twist"), 0.0, r"`default.twist` is an unknown key"),
+        (("default", "joint"), None, r"`default.joint` is an unknown key"),
+        (("default", "towards"), "up", r"`default.towards` is an unknown key"),
+        (("default", "pivot_at"), "base", r"`default.pivot_at` is an unknown key"),
     ],
 )
 def test_every_odd_value_is_named(document, mesh, keys, value, message):

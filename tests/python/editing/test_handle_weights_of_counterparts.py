@@ -151,6 +151,15 @@ def test_equalize_gives_no_vertex_more_weight_than_the_handle(mesh, field, asked
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
 
 
+def test_a_handle_without_counterparts_says_that_none_moves(session, asked, foot):
+    handle = session.add(foot, translation=(0, -0.2, 0), counterparts="only")
+    off = session.counterparts(handle)[1][0].vertex
+    session.change(handle, excluded_counterparts=[off])
+    assert [on for _, on in session.counterparts(handle)] == [True, False, False, False]
+    session.change(handle, counterparts="own_pivot")
+    assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
+
+
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
 def test_single_counterparts_can_be_excluded(session, sample, mesh, asked, foot, counterparts):
     handle = session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)

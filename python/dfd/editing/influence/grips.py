@@ -28,7 +28,8 @@ class Grips:
         self._mesh, self._field, self._rows = mesh, field, rows
         self._parts: Recent[Grip | None] = Recent(32)  # while the pointer moves, many places need parts
         self._held: Recent[Held] = Recent(16)
-        self._borders: Recent[Border | None] = Recent(1024)  # a drag can move many handles
+        # A drag can move many handles. Each entry has 24 bytes per border point, or about 4 kB for 150 points.
+        self._borders: Recent[Border | None] = Recent(1024)
 
     def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
         """Compute all data that does not depend on a place, and return the parts of the mesh.

@@ -112,13 +112,14 @@ class HandleWeights:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
         Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
-        this place. If all shares there are 0, the nearest one is excluded. The first counterpart always moves. `band`
-        is as in `Grips.grip`. If it is None, the handle's transform determines the width.
+        this place. If all shares there are 0, the nearest one is excluded. The first counterpart always moves. If the
+        control `counterparts` is "only", no other moves. `band` is as in `Grips.grip`. If it is None, the handle's
+        transform determines the width.
         """
         everywhere = handle.controls.reach != "part"
         band = self.grips.band(handle) if band is None else band
         found = self.grips.held(handle.place, band, everywhere=everywhere, plane=edit.symmetry).counterparts
-        on = [True] * len(found)
+        on = [True] + [handle.controls.counterparts != "only"] * (len(found) - 1)
         for place in handle.controls.excluded_counterparts:
             here = self.rows.anchor(place)
             shares = [1.0 if one.share is None else one.share.at(here) for one in found]

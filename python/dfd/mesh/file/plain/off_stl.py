@@ -47,6 +47,8 @@ def read_off(data: bytes) -> Geometry:
     for number, line in enumerate(rest[:vertex_count]):
         words = line.split(None, width)[:width]
         try:
+            if len(words) < width:  # NumPy would repeat a single number
+                raise ValueError
             vertices[number] = words
         except ValueError:
             raise ValueError(f"vertex {number} has the coordinates {shortened(' '.join(words))}") from None
