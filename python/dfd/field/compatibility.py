@@ -52,8 +52,8 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
     """Raise ValueError if `field` was distilled from another shape than `mesh`.
 
     The check accepts other resolutions of the shape, and pieces with at least half of its surface. A field without
-    surface samples, such as a `VertexField`, is compared by its bounding box only. The error message names `allowed_by`,
-    the public argument that disables this check.
+    surface samples, such as a `VertexField`, is compared by its bounding box only. The error message names
+    `allowed_by`, the public argument that disables this check.
 
     Raises ValueError if the longest sides of the two bounding boxes differ by more than a factor of 2, or if the whole
     mesh lies outside the smallest cube around the distilled shape. Raises ValueError if more than 10 % of the mesh is

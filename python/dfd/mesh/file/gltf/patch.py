@@ -180,7 +180,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Collect the rows of `new` that differ from `old`. `stored`: the file's values, which morph targets move to `old`."""
+        """Collect rows of `new` that differ from `old`. `stored`: values in the file, moved to `old` by morph targets."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)
