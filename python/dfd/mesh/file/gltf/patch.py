@@ -180,7 +180,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Collect rows of `new` that differ from `old`. `stored`: values in the file, moved to `old` by morph targets."""
+        """Collect the rows of `new` that differ from `old`. Morph targets move the positions `stored` to `old`."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)
