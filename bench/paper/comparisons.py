@@ -31,7 +31,7 @@ DENSE_TEXT = (
 )
 
 PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
-BALL = 0.01  # radius around a held vertex within which vertices are constrained, as a fraction of the longest side
+BALL = 0.01  # vertices up to this distance from a held vertex are constrained too; a fraction of the box's longest side
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints gives the same weights as "biharmonic"
 EXPLODED = 3.0  # a result is not drawn if its diagonal is more than this times the shape's diagonal
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the shape at rest and deformed
@@ -40,8 +40,8 @@ In pictures of the shape at rest, the dot is the handle. In the other pictures, 
 are fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
 **handle error**: distance of the handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean
 changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number
-of faces that fold over. **size**: diagonal of the result divided by diagonal of the shape. **biharmonic** and **BBW**
-use tetrahedra that fill a copy with at most 6,000 faces. The networks of APAP and DeepMetaHandles are not available."""
+of faces that fold over. **size**: diagonal of the result divided by that of the shape. **biharmonic** and **BBW** use
+tetrahedra in a copy of the shape, simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def deform(name: str, case: Case, ball: float) -> Float64:
 def constraints(case: Case, ball: float) -> Job:
     """Return the constraints of the other methods: the targets of the held vertices and of the vertices near them.
 
-    Near means within `ball`, a fraction of the longest side. Such vertices move as the nearest held vertex does. A
+    Near means within `ball`, a fraction of the box's longest side. Such vertices move like the nearest held vertex. A
     handle and the vertices near it form one group. Fixed vertices, and vertices near them, have the group −1.
     """
     mesh = case.shape.mesh

@@ -41,7 +41,7 @@ class Shape:
     mesh: dfd.Mesh
 
     def at(self, point: Sequence[float]) -> int:
-        """Return the vertex nearest to `point`, in fractions of the bounding box. The vertex must have a face."""
+        """Return the vertex nearest to `point` (fractions of the bounding box), among all vertices that have a face."""
         corners = np.unique(self.mesh.faces)
         return int(corners[np.linalg.norm(self.mesh.vertices[corners] - self.place(point), axis=1).argmin()])
 
@@ -58,7 +58,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class BoxHandle:
-    """A handle and its motion, for any mesh of a shape. Positions are fractions of the bounding box, 0 to 1."""
+    """A handle and its motion. Positions are fractions of the bounding box, 0 to 1, so they fit any mesh of a shape."""
 
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # translation, as fractions of the diagonal
@@ -122,11 +122,11 @@ class Subject:
     ) -> dfd.Deformer:
         """Return a session with `handles`, given as keywords of `Deformer.add`, and fixed points at vertices `fixed`.
 
-        `symmetric` sets the plane of symmetry to "auto". If the preset finds no plane, handles are not mirrored.
+        `symmetric` sets the plane of symmetry to "auto". If no plane is found, handles are not mirrored.
         """
         deformer = dfd.Deformer(self.shape.mesh, self.field, preset=self.preset, features=features)
         if symmetric:
-            with suppress(ValueError):  # raised if the features have no mirror plane
+            with suppress(ValueError):  # raised if no plane is found
                 deformer.set_symmetry("auto")
         for point in fixed:
             deformer.fix(point)

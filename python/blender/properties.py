@@ -41,7 +41,7 @@ def _reset(settings: ObjectSettings, context: bpy.types.Context) -> None:
 
 
 PROPERTIES: dict[str, Any] = {}  # Blender properties for the controls that change weights
-WORDS: dict[str, tuple[str, str]] = {}  # each switch, such as "reach_part", sets a control to a value
+WORDS: dict[str, tuple[str, str]] = {}  # the switch "reach_part" sets the control "reach" to the value "part"
 for name, (kind, said) in about(Controls).items():
     default, how = getattr(Controls, name), {"name": said.called(name), "description": said.text, "update": _update}
     if said.affects != "weights":
@@ -71,7 +71,7 @@ class HandleSettings(bpy.types.PropertyGroup):
     note: bpy.props.StringProperty(description="Error of the last change")
 
     def controls(self) -> dict[str, Any]:
-        """Return the controls as arguments of `dfd.Deformer.add`, without empty values if the default is None."""
+        """Return the controls as arguments of `dfd.Deformer.add`, except empty controls whose default is None."""
         given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
         given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
         return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}

@@ -8,7 +8,7 @@ namespace dfd {
 namespace {
 
 constexpr std::size_t width = lanes<float>;    // number of floats in a vector
-constexpr std::size_t parts = vectors<float>;  // number of vectors with one float for each vertex of a block
+constexpr std::size_t parts = vectors<float>;  // number of vectors for one float per vertex of a block
 constexpr std::size_t chunk = 128;             // number of terms in a partial sum; short sums have small errors
 
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
@@ -82,8 +82,8 @@ public:
             for (std::size_t part = 0; part < parts; ++part) {
                 const Float squares = square_.part[part] + splat(points.squares[first + j]);
                 Float square = multiply_add(splat(-2.0f), total[j][part], squares);
-                // Above the first bound, an error of 2e-7 (|a|² + |b|²) in the square changes the distance by less than
-                // 2e-6. Above the second bound, the weight for a reach of 1 is 0.
+                // If `square` is above 0.005 squares², an error of 2e-7 squares changes the distance by less than 2e-6.
+                // Above 1 + 1e-6 squares, the weight for a reach of 1 is 0 in spite of such an error.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
                 const auto far = at_least(square, bound);
                 if (!all(far)) square = select(far, square, squared_difference(rows + j, part));

@@ -137,7 +137,7 @@ class _Work:
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
-        """Write the features in compressed form: they are approximately `rows` @ `basis`.T + `mean` of the file."""
+        """Write features.npz. Its arrays give the features approximately, as `rows` @ `basis`.T + `mean`."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:

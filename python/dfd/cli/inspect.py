@@ -86,7 +86,7 @@ def parts(
     resolution: options.Resolution = 768,
     force: options.Force = False,
 ) -> None:
-    """Cut MESH into its parts, such as legs and wheels: regions that end at creases, and that a handle would move."""
+    """Cut MESH into its parts, such as legs and wheels. A part ends at creases, and a handle moves a whole part."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
 

@@ -91,7 +91,7 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# Each of the next five functions returns the `VisionModel` of a family. `others` are `block`, `depth` and `channels`.
+# Each of the next five functions returns the `VisionModel` of a family. `others` are more arguments of `VisionModel`.
 
 
 def _of_any_size(network: Any, config: Any, **others: Any) -> VisionModel:

@@ -12,12 +12,12 @@ from dfd.mesh.mesh import Mesh
 # A mesh is accepted only if the longest side of its bounding box is at most this factor longer or shorter than that of
 # the distilled shape. For the same shape in inches and in centimeters, a frequent mistake, the factor is 2.54.
 LARGEST_RATIO = 2.0
-# A warning is given if a normalized coordinate of the mesh exceeds this. The distilled shape's box is normalized to the
-# center 0 and the longest side 2. A tall shape reaches the coordinate 2 if it is rotated about its foot by 90°.
+# A warning is given if a normalized coordinate of the mesh exceeds this. The normalization moves the center of
+# the distilled shape's bounding box to 0, and scales the longest side of this box to 2.
 WARNED_COORDINATE = 1.5
 POINTS = 512  # number of surface samples that a field stores
 SAMPLES = 4096  # number of surface samples of a mesh that are compared with the field's points
-# A point is far from samples if all distances exceed the samples' spacing plus this fraction of the shape's diagonal.
+# A point is far if its nearest sample is farther than the samples' spacing plus this fraction of the shape's diagonal.
 FAR = 0.02
 # MOST_BEYOND is the largest accepted share of mesh samples that are far from the field's points. MOST_MISSING is the
 # largest accepted share of the field's points that are far from the mesh.
@@ -52,8 +52,8 @@ def check_compatible(field: KnownShape, mesh: Mesh, *, allowed_by: str = "") -> 
     """Raise ValueError if `field` was distilled from another shape than `mesh`.
 
     The check accepts other resolutions of the shape, and pieces with at least 40 % of its surface. A field without
-    surface samples, such as a `VertexField`, is compared by its bounding box only. The message names `allowed_by`, the
-    public argument that disables this check.
+    surface samples, such as a `VertexField`, is compared by its bounding box only. The error message names
+    `allowed_by`, the public argument that disables this check.
 
     Raises ValueError if the longest sides of the two bounding boxes differ by more than a factor of 2, or if the whole
     mesh lies outside the smallest cube around the distilled shape. Raises ValueError if more than 10 % of the mesh is

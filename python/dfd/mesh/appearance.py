@@ -68,9 +68,9 @@ class Appearance:
         return result
 
     def corner_colors(self, indices: NDArray[np.integer], count: int) -> Float32:
-        """Return a color for each index below `count`, (`count`, 4): the `albedo` at the index's first face corner.
+        """Return the colors (`count`, 4) of the indices 0 to `count` − 1. `indices` (F, 3) gives each face corner one.
 
-        `indices` (F, 3) holds the index of each face corner. An index without a corner gets white.
+        The color of an index is the `albedo` at its first face corner, or white if it has no corner.
         """
         colors = np.ones((count, 4), np.float32)
         used, where = np.unique(indices, return_index=True)

@@ -81,7 +81,7 @@ def handle_positions(
             return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
         indices = check.vertex_indices(function, "handles", array, len(vertices))
         if len(indices) != count:
-            reason = f"must be {count}, one for each column of weights, got {len(indices)}"
+            reason = f"must have {count} entries, one per column of `weights`, got {len(indices)}"
             raise ArgumentError("handles", reason, function)
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
@@ -94,5 +94,5 @@ def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, i
     if indices is None:
         if len(weights) == 0:
             return np.eye(count)
-        raise ArgumentError("handle_weights", "must be given to interpolate handles that are not vertices", function)
+        raise ArgumentError("handle_weights", "must be given to interpolate, if `handles` are positions", function)
     return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

@@ -30,9 +30,9 @@ class Up:
     """The up direction of a mesh."""
 
     frame: Float64 = field(default_factory=lambda: np.eye(3))  # (3, 3); by default, up is +y, as in most files
-    # Probability in [0, 1] that the up axis of `frame`, or one nearly parallel to it, is upright; 1 for "said"
+    # Probability, 0 to 1, that the upright axis is `direction` or nearly parallel to it; 1 if `source` is "said"
     confidence: float = 0.0
-    # "said": the user gave `up`, not "auto". "file": +y is the most probable, or nothing was measured (confidence 0).
+    # "said": the setting `up` is not "auto". "file": +y is the most probable, or nothing was measured (confidence 0).
     # "found": another direction is the most probable. "averaged": features of the two most probable ones are combined.
     source: Literal["said", "file", "found", "averaged"] = "file"
     # `shared` and `shares` are None if pictures are rendered for `frame` only.
@@ -126,7 +126,7 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """Return the direction for a result `up` of `check_up`. Raises ValueError if `mesh` has no extent along it."""
+    """Return the direction for a result of `check_up` except "auto". Raises ValueError if `mesh` is flat along it."""
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
     direction = AXES[up] if isinstance(up, str) else np.array(up)

@@ -24,7 +24,7 @@ CLEAR = 0.9  # if no axis has at least this probability, the field is distilled 
 # If an axis has at least this probability after the pictures with +y as up, the search ends, because more pictures
 # hardly ever change the result. This probability does not include `prior`.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # if an axis has at least this probability after pictures from `SIDES`, no pictures from `CORNERS` are used
+SURE = 0.97  # if an axis is this probable after pictures from the four sides, no pictures from between them are made
 SAME = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are one candidate
 NEARLY_PARALLEL = np.cos(np.radians(20))  # cosine of 20°; probabilities of axes at a smaller angle are added
 GLTF_UP = 2.5  # added to the log-odds of +y for glTF files, because the glTF standard defines +y as up
@@ -37,11 +37,11 @@ def resolve_up(mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
-    """Return the up direction of `mesh`, found from the encoder's tokens of pictures and from cues of the surface.
+    """Return the up direction of `mesh`, judged from encoded pictures and from its surface (see `StabilityCues`).
 
     The upright axis is chosen first, then its upper end. If no axis is probable enough, the result has two directions.
 
-    `probe` must be learned from tokens of `encoder`; by default, it is the package's. Without one, the result is +y.
+    `probe` must be learned from tokens of `encoder`; None is the package's. If the package has none, the result is +y.
 
     Raises ValueError if `probe` was learned from another encoder.
     """
@@ -101,8 +101,8 @@ def _among_candidates(cues: StabilityCues, frame: Float64, cameras: ProbeCameras
 def candidates(cues: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """Return 2K frames (2K, 3, 3) in which a tilted shape may be upright. Frame 2k + 1 is frame 2k upside down.
 
-    Candidates for up are the axes of the file, the up directions of `cues.stable_ups`, and the main two eigenvectors of
-    `form` (3, 3), the vote of the pictures. The projections of both eigenvectors onto the mirror plane are also used.
+    Up can be an axis of the file or one of `cues.stable_ups`. `form` (3, 3) is the quadratic form of `UpProbe.votes`.
+    Its two main eigenvectors can be up too, and so can their projections onto the mirror plane.
     """
     normal = frame[0]
     main = np.linalg.eigh(form)[1].T[::-1][:2]

@@ -75,6 +75,6 @@ def test_targets_that_are_there_are_refused(tmp_path, make_session):
 
 def test_nothing_moved_is_refused(session, tmp_path):
     session.add(40)
-    with pytest.raises(ValueError, match="`session` must move a handle, because a morph target stores displacements"):
+    with pytest.raises(ValueError, match="`session` must have a handle that moves, because morph targets"):
         dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     assert list(tmp_path.iterdir()) == []

@@ -182,7 +182,7 @@ SHEAR[1, 3, 0] = 0.5
         ({"transforms": TRANSFORMS * 1e300}, r"`transforms` move a vertex beyond"),
         ({"default": np.zeros((2, 4))}, r"`default` must have shape \(3, 4\) or \(4, 4\), got \(2, 4\)"),
         ({"default": np.zeros((4, 4))}, r"`default` must have the bottom row"),
-        ({"symmetry": PLANE, "handles": [0]}, r"`handles` must be 2, one for each column of weights, got 1"),
+        ({"symmetry": PLANE, "handles": [0]}, r"`handles` must have 2 entries, one per column of `weights`, got 1"),
         ({"symmetry": PLANE, "handles": [0, 6]}, r"`handles` must lie in 0 … 5, got 6"),
         ({"symmetry": PLANE, "handles": np.zeros((3, 3))}, r"`handles` must have shape \(2, 3\), got \(3, 3\)"),
         ({"normals": VERTICES[:5]}, r"`normals` must have shape \(6, 3\), got \(5, 3\)"),

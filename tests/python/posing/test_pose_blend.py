@@ -230,7 +230,7 @@ IDLE[1] = 0
         ({"blend": "cubic"}, r"`blend` must be one of linear, dual_quaternion, got 'cubic'"),
         ({"weights": ALIKE}, r"the handles of columns 0 and 2 cannot move independently: the weights at their"),
         ({"weights": IDLE}, r"the handle of column 1 cannot move: all weights at its position are 0"),
-        ({"handles": VERTICES[:3]}, r"`handle_weights` must be given to interpolate handles that are not vertices"),
+        ({"handles": VERTICES[:3]}, r"`handle_weights` must be given to interpolate, if `handles` are positions"),
         ({"handle_weights": np.eye(2)}, r"`handle_weights` must have shape \(3, 3\), got \(2, 2\)"),
         ({"handle_weights": np.full((3, 3), np.nan)}, r"`handle_weights` must be finite, got nan"),
     ],

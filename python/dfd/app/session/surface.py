@@ -1,4 +1,4 @@
-"""Convert the resting shape to the message that the page draws. A row is a vertex with one normal, uv and color."""
+"""Convert the resting shape to the message that the page draws."""
 
 import io
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def mesh_message(mesh: Mesh, *, name: str, warnings: Sequence[str]) -> tuple[MeshMessage, Arrays]:
-    """Return the message that shows `mesh`, and its arrays."""
+    """Return the message that shows `mesh`, and its arrays. A row of them is a vertex with one normal, uv and color."""
     look, scene = mesh.appearance, mesh.scene
     if look is None:
         vertex = np.arange(len(mesh.vertices), dtype=np.int32) if scene is None else scene.vertex
@@ -76,7 +76,7 @@ def _row_normals(mesh: Mesh, vertex: Int32, used: Bool) -> Float64:
     """Return unit normals (N, 3) of the `used` rows: the normals in the file if they are valid, else smooth normals."""
     normals = mesh.normals[vertex[used]].astype(np.float64)
     scene = mesh.scene
-    if scene is None or len(vertex) != len(scene.vertex):  # with face colors, a row is a face corner
+    if scene is None or len(vertex) != len(scene.vertex):  # if faces have colors, each face corner has a row
         return normals
     of_file = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:

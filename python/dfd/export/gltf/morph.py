@@ -1,4 +1,4 @@
-"""Morph targets: one for each handle that moves or, with key poses, one for the edit and one for each key pose.
+"""Make a morph target for each handle that moves. With key poses, make one for the edit and one for each pose instead.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
@@ -52,7 +52,7 @@ def targets_of(rig: Rig) -> MorphTargets:
     if rig.edit.default is not None and not rig.edit.default.rests:
         edits["default"] = replace(_alone(rig.edit, None), default=rig.edit.default)
     if not edits:
-        why = "must move a handle, because a morph target stores displacements, got only handles at rest"
+        why = "must have a handle that moves, because morph targets store displacements, but all are at rest"
         raise ArgumentError("session", why, "export_rig")
     return MorphTargets(list(edits), [rig.posed(edit) for edit in edits.values()], np.ones((1, len(edits))))
 

@@ -44,8 +44,8 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
         )
         if origin is not None:
             patch.move_origin(node, origin)
-            known = {each.source[2] for each in group}
-            for content in (each for number, each in enumerate(primitives) if number not in known):  # points, lines
+            known = {each.source[2] for each in group}  # all other primitives are points or lines
+            for content in (each for number, each in enumerate(primitives) if number not in known):
                 positions = source.attribute(content, "POSITION")
                 if positions is not None:
                     shifted = (positions - origin).astype("<f4")
@@ -57,7 +57,7 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
 
 
 def keeps_origin(source: GltfData, each: Primitive) -> bool:
-    """Return whether positions must keep their origin, because the primitive's node has a skin or morph targets."""
+    """Return whether the primitive's node has a skin or morph targets, so that positions must keep their origin."""
     node, mesh, _ = each.source
     primitives = source.header["meshes"][mesh]["primitives"]
     return "skin" in source.header["nodes"][node] or any("targets" in each for each in primitives)
@@ -75,12 +75,12 @@ class GltfPatch(GltfBuilder):
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
 
     def _take_buffers(self) -> None:
-        """Concatenate the buffers that can be read; all other buffers stay references."""
+        """Concatenate the buffers that can be read; all other buffers stay as they are."""
         moved_to: dict[int, tuple[int, int]] = {}  # by a buffer's old index: its new index and first byte
         for index, buffer in enumerate(self.header.get("buffers", [])):
             try:
                 moved_to[index] = (0, self._append(self.source.buffer(index)))
-            except (ValueError, OSError):  # a placeholder for decompressed data, or an unreadable file
+            except (ValueError, OSError):  # a fallback buffer of meshopt has no data; a file may be unreadable
                 self._unread.append(buffer)
                 moved_to[index] = (len(self._unread), 0)
         for view in self.header.get("bufferViews", []):
@@ -180,7 +180,7 @@ class GltfPatch(GltfBuilder):
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None
     ) -> None:
-        """Collect the rows of `new` that differ from `old`. Morph targets move the file's values `stored` to `old`."""
+        """Collect the rows of `new` that differ from `old`. Morph targets move the positions `stored` to `old`."""
         key = (node, name, int(attributes[name]))
         rows, users = self._moved.setdefault(key, ((old if stored is None else stored).copy(), []))
         changed = (old != new).any(axis=1)

@@ -112,7 +112,7 @@ function heldOf(state: State): Held | null {
   return { ...present(state, handle), center: mesh.center, ends, pivoting };
 }
 
-/** Return the rotation from the mesh's axes to the axes of scale. */
+/** Return the rotation from the mesh's axes to the axes along which the transform scales. */
 function axesTurn({ axes }: Transform): Quaternion {
   return axes ? new Quaternion().setFromRotationMatrix(basisOf(axes)) : new Quaternion();
 }
