@@ -33,8 +33,8 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 # the part, the band extends at most OUTWARD times its width at rest from the border. Inside the part, it extends at
 # most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of
 # 33 rigs (`python -m bench.quality borders`) from 36° to 27°, but legs then move the whole trunk.
-LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.75
-SLANT = 0.27  # tangent of 15°: the legs of a chair are not exactly parallel to the motion that lengthens them
+LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
+SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
 # up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 47°.
@@ -73,13 +73,13 @@ class Border(NamedTuple):
         """Return the width of the blend band, divided by its width at rest, for a part that `affine` (3, 4) moves.
 
         If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
-        along `direction`, or within 15° of it (`SLANT`), do not count: they only lengthen the limb.
+        along `direction`, or within 10° of it (`SLANT`), do not count: they only lengthen the limb.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         along = (moved @ self.direction).clip(0.0)
         with np.errstate(over="ignore"):  # after an overflow, the band has its largest width
             across = np.linalg.norm(moved - along[:, None] * self.direction, axis=1) - SLANT * along
-        least = LEAST_WIDTH * across.max(initial=0.0)
+            least = LEAST_WIDTH * across.max(initial=0.0)
         ratio = min(least, self.outward + self.inward) / self.rest
         return float(2.0 ** np.ceil(np.log2(max(ratio, 1.0))))
 
@@ -155,24 +155,29 @@ class Parts:
         connected = of_mesh[row] == of_mesh[graph.indices]
         row, beside, apart = row[connected], graph.indices[connected], graph.data[connected]
         ends = np.unique(row[side[row] != side[beside]])
-        depth = _depth(csr_array((apart, (row, beside)), shape=graph.shape), side, ends)
+        graph = csr_array((apart, (row, beside)), shape=graph.shape)
+        depth = _depth(graph, side, ends)
         component = components_of(patches, inside)
         own = component[patch]
         area = np.bincount(component[inside], patches.area[inside])
         large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == own)
         component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
-        # `component` is −1 at borders that `snapped` moved outwards. Each node of `ends` gets the nearest component.
-        center, known, ends = patches.nodes.center, np.flatnonzero(component >= 0), ends[side[ends]]
-        nearest = known[cKDTree(center[known]).query(center[ends])[1]] if len(known) else ends
-        points = center[ends[component[nearest] == own]]
+        # `component` is −1 at borders that `snapped` moved outwards. There, `nearest` is the nearest component.
+        center, nearest = patches.nodes.center, component.copy()
+        known, lost = np.flatnonzero(component >= 0), np.flatnonzero(side & (component < 0))
+        nearest[lost] = component[known[cKDTree(center[known]).query(center[lost])[1]]] if len(known) else own
+        points = center[ends[nearest[ends] == own]]
         direction = np.zeros(3)
         components, borders = components_and_borders(patches, inside)
         if borders <= MOST_BORDERS * len(components) and len(points):
             direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
         rest = patches.size * min(REST, tree.girth(chosen) * REST_OF_GIRTH)
-        inward = max(INWARD * depth[np.isfinite(depth)].max(initial=0.0), rest / 2)
-        border = Border(points, direction, rest, OUTWARD * rest, inward)
-        within = _blended(patches, depth, border, band)
+        # The band ends nearer to the border in components that are shorter than the one at the handle.
+        deepest = np.zeros(max(own, nearest.max()) + 1)
+        np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
+        inward = np.maximum(INWARD * deepest[nearest], rest / 2)
+        border = Border(points, direction, rest, OUTWARD * rest, max(INWARD * float(deepest[own]), rest / 2))
+        within = _blended(patches, depth, border, band, inward)
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))
         scale = max(weights[vertex], np.float32(0.01))
@@ -276,16 +281,21 @@ def _depth(graph: csr_array, side: Bool, ends: Int64) -> Float64:
     return depth
 
 
-def _blended(patches: Patches, depth: Float64, border: Border, band: float) -> Float64:
+def _blended(patches: Patches, depth: Float64, border: Border, band: float, inward: Float64) -> Float64:
     """Return weights (N,) of mesh nodes that fall from 1 to 0 in the blend band.
 
-    `depth` (N,) is the result of `_depth`, and `band` is as in `Parts.grip`.
+    `depth` (N,) is the result of `_depth`, and `band` is as in `Parts.grip`. `inward` (N,) is `Border.inward` for the
+    component that contains each node.
     """
     outward = min(band * border.rest / 2, border.outward)
     width = outward + min(band * border.rest - outward, border.inward)
-    weights = ((depth + outward) / width).clip(0.0, 1.0)
+    inward = np.minimum(width - outward, inward)
+    at_border = outward / width
+    weights = np.where(depth < 0, at_border * (1 + depth / outward), at_border + (1 - at_border) * depth / inward)
+    np.clip(weights, 0.0, 1.0, out=weights)
     beyond, area = MARGIN * outward, patches.node_area
-    free = np.flatnonzero((depth > -outward - beyond) & (depth < width - outward + beyond) & (area > 0.0))
+    inner = inward + np.minimum(beyond, inward / 2)
+    free = np.flatnonzero((depth > -outward - beyond) & (depth < inner) & (area > 0.0))
     if len(free):
         borders, time = patches.node_borders, (SMOOTHING * outward / patches.size) ** 2
         conductance = borders.graph(time * borders.length / borders.apart)[free]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_field import field_of
 
 import dfd
 from dfd.editing.controls import Controls
@@ -22,7 +23,7 @@ def asked(sample, mesh, monkeypatch):
     """Replace `find_counterparts`: the labeled legs of a chair are the counterparts. Return the recorded calls."""
     calls = []
 
-    def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
+    def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False, known=None):
         calls.append((vertex, planes))
         found = []
         for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
@@ -36,6 +37,15 @@ def asked(sample, mesh, monkeypatch):
     monkeypatch.setattr(grips, "find_counterparts", labelled)
     monkeypatch.setattr(grips, "symmetry_planes", lambda *_: ["found"])
     return calls
+
+
+@pytest.fixture
+def field_of_quadruped():
+    sample = dfd.samples.quadruped(4000)
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
+    rows += 0.1 * random.normal(size=rows.shape)
+    return sample, field_of(sample.mesh), (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
 
 
 @pytest.fixture
@@ -138,7 +148,7 @@ def test_counterparts_beyond_the_reach_are_not_counted(session, asked, foot):
 def test_equalize_gives_no_vertex_more_weight_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
     """Two counterparts have shares of 0.5 at each vertex, and the weights of both are raised to 1."""
 
-    def halves(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False):
+    def halves(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False, known=None):
         half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
         places = [(one, tuple(mesh.vertices[one])) for one in (vertex, int(weights.argmin()))]
         found = tuple(Counterpart(one, at, np.eye(3), 1.0, half) for one, at in places)
@@ -278,3 +288,26 @@ def test_the_base_of_a_limb_does_not_depend_on_the_width_of_its_blend_band(mesh,
         session.move(held, rotation=(0, 0, 30), pivot="base")
         bases.append(session.handle(held).transform.pivot)
     assert bases[0] == bases[1]
+
+
+def test_carriers_and_counterparts_do_not_depend_on_how_far_handles_move(field_of_quadruped):
+    sample, field, features = field_of_quadruped
+    mesh, found = sample.mesh, []
+    for amount in (0.002, 0.02, 0.05, 0.1, 0.3):
+        session = dfd.Deformer(mesh, field, features=features)
+        for place, share, direction in ((1280, 0.2, (0, 0, -1)), (420, amount, (-1, 0, 0))):  # the neck and the head
+            session.add(place, translation=share * mesh.diagonal * np.array(direction))
+        found.append([(each.along_with, each.counterparts) for each in session.report().handles])
+    assert all(each == found[0] for each in found)
+
+
+def test_a_band_of_another_width_has_the_same_counterparts(mesh, field, sample, foot):
+    session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
+    held = session.add(foot)
+    rest = session.counterparts(held)
+    session.move(held, translation=(0.3 * mesh.diagonal, 0, 0))
+    assert session.bound.grips.band(session.handle(held)) > 1
+    moved = session.counterparts(held)
+    assert [(one.vertex, one.position, on) for one, on in moved] == [(one.vertex, one.position, on) for one, on in rest]
+    assert all(one.share.at(one.vertex) > 0.9 for one, _ in moved)
+    assert session.weights[[one.vertex for one, _ in moved], 0].min() > 0.99

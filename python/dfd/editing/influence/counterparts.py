@@ -85,12 +85,14 @@ def find_counterparts(
     planes: Sequence[SymmetryPlane] = (),
     *,
     everywhere: bool = False,
+    known: Held | None = None,
 ) -> Held:
     """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
 
     `weights` (V,) are the handle's weights by features alone (Eq. 4 and 5). `grip` is the part at the handle, and each
     of its components has one counterpart. `planes` are the planes of symmetry of the shape. `everywhere` must be True
-    if the handle's weights do not end at the part's border. Otherwise, the shares outside the part are 0.
+    if the handle's weights do not end at the part's border. Otherwise, the shares outside the part are 0. `known` is
+    the result for another width of the part's blend band: then only shares and the part's weights are computed.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]
@@ -107,19 +109,22 @@ def find_counterparts(
     if not len(others):
         return Held((found[0],), grip.weights)
     chosen = [own, *others.tolist()]
-    surfaces = _surfaces(mesh, component[nodes.of_vertex], chosen)
-    for index, number in enumerate(chosen[1:], 1):
-        image = _image(surfaces[index], surfaces, found, planes)
-        if image is not None:
-            x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
-            peak, frame = int(nodes.nearest((x, y, z))[0]), image[:, :3]
-        else:
-            best = int(np.where(component == number, on_nodes, -1.0).argmax())
-            members = nodes.members[nodes.starts[best] : nodes.ends[best]]
-            peak = int(members[weights[members].argmax()])
-            peak, frame = _corresponding(mesh, component == number, weights, peak, found, planes)
-            x, y, z = mesh.vertices[peak].tolist()
-        found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), image=image))
+    if known is not None:
+        found = list(known.counterparts)
+    else:
+        surfaces = _surfaces(mesh, component[nodes.of_vertex], chosen)
+        for index, number in enumerate(chosen[1:], 1):
+            image = _image(surfaces[index], surfaces, found, planes)
+            if image is not None:
+                x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
+                peak, frame = int(nodes.nearest((x, y, z))[0]), image[:, :3]
+            else:
+                best = int(np.where(component == number, on_nodes, -1.0).argmax())
+                members = nodes.members[nodes.starts[best] : nodes.ends[best]]
+                peak = int(members[weights[members].argmax()])
+                peak, frame = _corresponding(mesh, component == number, weights, peak, found, planes)
+                x, y, z = mesh.vertices[peak].tolist()
+            found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), image=image))
     rows = _shares_of_nodes(mesh, [np.flatnonzero(component == number) for number in chosen])
     part = grip.weights
     if not everywhere:

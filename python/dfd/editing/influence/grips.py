@@ -79,8 +79,11 @@ class Grips:
             rows, grip = self._rows, self.grip(place, band)
             weights: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            anchor = rows.anchor(place)
-            return find_counterparts(self._mesh, weights, anchor, place.position, grip, planes, everywhere=everywhere)
+            known = None if band == 1.0 else self.held(place, 1.0, everywhere=everywhere, plane=plane)
+            at, position = rows.anchor(place), place.position
+            return find_counterparts(
+                self._mesh, weights, at, position, grip, planes, everywhere=everywhere, known=known
+            )
 
         return self._held.get((place, band, everywhere, plane), find)
 

@@ -60,22 +60,32 @@ class HandleWeights:
         return self._made.get(key, lambda: self._columns(edit, weights, [each.band for each in keys]))
 
     def _columns(self, edit: Edit, weights: Float32, bands: Sequence[float]) -> tuple[Float32, tuple[Column, ...]]:
+        # With weights at rest, the decisions about columns do not depend on how far the handles move.
+        at_rest = weights if max(bands) == 1.0 else self.by_features.of(edit, _resting(edit))[0]
+        portions, columns = self._split(edit, weights, at_rest, bands)
+        if self.allocating(edit):
+            resting = portions if at_rest is weights else self._split(edit, at_rest, at_rest, [1.0] * len(bands))[0]
+            portions, columns = self._allocated(edit, portions, columns, resting)
+        made = np.zeros((len(columns), len(weights)), np.float32)
+        for column, (vertices, values) in zip(made, portions, strict=True):
+            column[vertices] = values
+        return made.T, tuple(columns)
+
+    def _split(
+        self, edit: Edit, weights: Float32, at_rest: Float32, bands: Sequence[float]
+    ) -> tuple[list[Share], list[Column]]:
+        """Return the columns of all handles, and their portions of `weights` (V, H)."""
         portions: list[Share] = []
         columns: list[Column] = []
         for i, handle in enumerate(edit.handles):
-            found = self._portions(edit, handle, weights[:, i], bands[i])
+            found = self._portions(edit, handle, weights[:, i], at_rest[:, i], bands[i])
             if _is_split(handle):
                 columns += [Column(i, one) for one, _ in found]
                 portions += [portion for _, portion in found]
             else:
                 columns.append(Column(i, self._own(handle)))
                 portions.append(_sum([portion for _, portion in found], len(weights)))
-        if self.allocating(edit):
-            portions, columns = self._allocated(edit, portions, columns)
-        made = np.zeros((len(columns), len(weights)), np.float32)
-        for column, (vertices, values) in zip(made, portions, strict=True):
-            column[vertices] = values
-        return made.T, tuple(columns)
+        return portions, columns
 
     def following(self, edit: Edit) -> Float32:
         """Return the weights (V, H), where the column of a handle is the sum over its counterparts."""
@@ -96,8 +106,7 @@ class HandleWeights:
         key = (self.by_features.key(handle, edit, 1.0), handle.controls, edit.preset, edit.symmetry, others, moving)
 
         def find() -> list[HeldPart]:
-            resting = tuple(replace(each, transform=Transform()) for each in edit.handles)
-            weights, columns = self.columns(edit, replace(edit, handles=resting))
+            weights, columns = self.columns(edit, _resting(edit))
             own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
             return held_parts(self.mesh, self._axes, self.rows.anchor(handle.place), own, edit.symmetry)
 
@@ -112,17 +121,20 @@ class HandleWeights:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
         Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
-        this place. If all shares there are 0, the nearest one is excluded. The first counterpart always moves. If the
-        control `counterparts` is "only", no other moves. `band` is as in `Grips.grip`. If it is None, the handle's
-        transform determines the width.
+        this place, if the handle is at rest. If all shares there are 0, the nearest one is excluded. The first
+        counterpart always moves. If the control `counterparts` is "only", no other moves. `band` is as in `Grips.grip`.
+        If it is None, the handle's transform determines the width.
         """
         everywhere = handle.controls.reach != "part"
         band = self.grips.band(handle) if band is None else band
-        found = self.grips.held(handle.place, band, everywhere=everywhere, plane=edit.symmetry).counterparts
+        found, resting = (
+            self.grips.held(handle.place, each, everywhere=everywhere, plane=edit.symmetry).counterparts
+            for each in (band, 1.0)
+        )
         on = [True] + [handle.controls.counterparts != "only"] * (len(found) - 1)
         for place in handle.controls.excluded_counterparts:
             here = self.rows.anchor(place)
-            shares = [1.0 if one.share is None else one.share.at(here) for one in found]
+            shares = [1.0 if one.share is None else one.share.at(here) for one in resting]
             if not any(shares):
                 shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in found]
             most = int(np.argmax(shares))
@@ -143,13 +155,18 @@ class HandleWeights:
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
-    def _allocated(self, edit: Edit, portions: list[Share], columns: list[Column]) -> tuple[list[Share], list[Column]]:
-        """Assign the components of parts to the moving handles. Return the remaining `portions` and `columns`."""
+    def _allocated(
+        self, edit: Edit, portions: list[Share], columns: list[Column], resting: list[Share]
+    ) -> tuple[list[Share], list[Column]]:
+        """Assign the components of parts to the moving handles. Return the remaining `portions` and `columns`.
+
+        `resting` are the portions if all handles are at rest.
+        """
         moving = self.allocating(edit)
         among = [i for i, column in enumerate(columns) if column.handle in moving]
         nodes = nodes_of(self.mesh)
         samples, sizes = nodes.members[nodes.starts], (nodes.ends - nodes.starts).astype(np.float64)
-        on_samples = np.stack([portions[i].dense(len(self.mesh.vertices))[samples] for i in among])
+        on_samples = np.stack([resting[i].dense(len(self.mesh.vertices))[samples] for i in among])
         held = (on_samples >= COMPONENT_THRESHOLD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
         same, nested = same_and_nested(held, sizes)
         kept = kept_columns([columns[i].handle for i in among], same)
@@ -171,7 +188,9 @@ class HandleWeights:
         place = handle.place
         return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
-    def _portions(self, edit: Edit, handle: Handle, weights: Float32, band: float) -> list[tuple[Counterpart, Share]]:
+    def _portions(
+        self, edit: Edit, handle: Handle, weights: Float32, at_rest: Float32, band: float
+    ) -> list[tuple[Counterpart, Share]]:
         """Return the moving counterparts of a handle, and the portion of the handle's `weights` (V,) that each gets."""
         if not _needs_counterparts(handle, edit):
             return [(self._own(handle), _portion(None, weights))]
@@ -182,8 +201,14 @@ class HandleWeights:
         portions = [_portion(one.share, weights) for one in counterparts]
         if edit.rules.equalize:
             near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
-            portions = _equalized(weights, counterparts, portions, near)
+            resting = [float(at_rest[one.vertex]) for one in counterparts]
+            portions = _equalized(weights, counterparts, portions, near, resting)
         return [(one, portion) for (one, moves), portion in zip(found, portions, strict=True) if moves]
+
+
+def _resting(edit: Edit) -> Edit:
+    """Return `edit` with all handles at rest."""
+    return replace(edit, handles=tuple(replace(each, transform=Transform()) for each in edit.handles))
 
 
 def _is_split(handle: Handle) -> bool:
@@ -219,18 +244,23 @@ def _sparse(weights: Float32) -> Share:
 
 
 def _equalized(
-    weights: Float32, counterparts: Sequence[Counterpart], portions: Sequence[Share], near: Float64
+    weights: Float32,
+    counterparts: Sequence[Counterpart],
+    portions: Sequence[Share],
+    near: Float64,
+    at_rest: Sequence[float],
 ) -> list[Share]:
     """Scale the `portions` of similar counterparts so that these move as much as the handle, except for locality.
 
-    `near` (N,) are the factors of locality (Eq. 7) at the counterparts. These factors still lower the results. The sum
-    of the results at a vertex is limited to the maximum of `weights`.
+    `near` (N,) are the factors of locality (Eq. 7) at the counterparts. These factors still lower the results.
+    `at_rest` (N,) are the handle's weights at the counterparts while it is at rest. The sum of the results at a vertex
+    is limited to the maximum of `weights`.
     """
     found = []
     own = 0.0
     total = np.zeros(len(weights), np.float32)
-    for one, (vertices, values), falloff in zip(counterparts, portions, near, strict=True):
-        top = float(weights[one.vertex]) / falloff if falloff > 0 else 0.0
+    for one, (vertices, values), falloff, weight in zip(counterparts, portions, near, at_rest, strict=True):
+        top = weight / falloff if falloff > 0 else 0.0
         own = own or top
         alike = one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0
         found.append(Share(vertices, values * np.float32(own / top if alike else 1.0)))
