@@ -27,17 +27,17 @@ LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
 # length of its borders. At rest, the width of the band is the smaller of two numbers: REST times the diagonal of the
 # bounding box, and REST_OF_GIRTH times the girth. If it is twice as wide, the soft IoU of the weights and labelled
-# parts falls from 0.681 to 0.674 (`python -m bench.quality labelled`).
+# parts falls from 0.682 to 0.675 (`python -m bench.quality labelled`).
 REST, REST_OF_GIRTH = 0.0125, 0.03125
 # If the part moves, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
 # the part, the band extends at most OUTWARD times its width at rest from the border. Inside the part, it extends at
 # most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of
-# 33 rigs (`python -m bench.quality borders`) from 36° to 27°, but legs then move the whole trunk.
+# 33 rigs (`python -m bench.quality borders`) from 36° to 33°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
-# up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 47°.
+# up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 51°.
 SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
