@@ -34,6 +34,7 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 # most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of
 # 33 rigs (`python -m bench.quality borders`) from 36° to 33°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
+NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower bands make a step in lengthened legs
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
@@ -81,7 +82,7 @@ class Border(NamedTuple):
             across = np.linalg.norm(moved - along[:, None] * self.direction, axis=1) - SLANT * along
             least = LEAST_WIDTH * across.max(initial=0.0)
         ratio = min(least, self.outward + self.inward) / self.rest
-        return float(2.0 ** np.ceil(np.log2(max(ratio, 1.0))))
+        return float(2.0 ** np.ceil(np.log2(max(ratio, NARROWEST))))
 
 
 @dataclass(frozen=True, eq=False)
