@@ -176,9 +176,9 @@ class Parts:
         # The band ends nearer to the border in components that are shorter than the one at the handle.
         deepest = np.zeros(max(own, nearest.max()) + 1)
         np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
-        inward = np.maximum(INWARD * deepest[nearest], rest / 2)
-        border = Border(points, direction, rest, OUTWARD * rest, max(INWARD * float(deepest[own]), rest / 2))
-        within = _blended(patches, depth, border, band, inward)
+        inward = np.maximum(INWARD * deepest, rest / 2)
+        border = Border(points, direction, rest, OUTWARD * rest, float(inward[own]))
+        within = _blended(patches, depth, border, band, inward[nearest])
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))
         scale = max(weights[vertex], np.float32(0.01))

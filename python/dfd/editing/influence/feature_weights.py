@@ -104,7 +104,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
-        distances, power = self._falloff(self.key(handle, edit, self._grips.band(handle)))
+        distances, power = self._falloff(self.key(handle, edit, 1.0))  # distances do not depend on the band
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
