@@ -88,11 +88,13 @@ def number(
     return result
 
 
-def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
+def whole(
+    function: str | None, name: str, value: Any, *, minimum: int | None = None, maximum: int | None = None
+) -> int:
     """Return `value` as an int in [`minimum`, `maximum`]; booleans and floats, even 2.0, are errors."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise ArgumentError(name, f"must be a whole number, got {value!r}", function)
-    if value < minimum or (maximum is not None and value > maximum):
+    if (minimum is not None and value < minimum) or (maximum is not None and value > maximum):
         bounds = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
         raise ArgumentError(name, f"must be a whole number {bounds}, got {value}", function)
     return int(value)

@@ -28,7 +28,6 @@ from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform
-from dfd.segmentation.parts import Level
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
@@ -248,13 +247,13 @@ class Deformer(History):
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
     @public
-    def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
+    def part(self, at: Any, *, level: int = 0, alike: bool = True) -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
         `at` is as in `add`. If `at` is a region, the result is the part at the vertex that is nearest to the region's
         center. `level` and `alike` are as in `dfd.Parts.part`.
 
-        Raises ValueError if `at` is no place, or the mesh has no face with an area.
+        Raises ValueError if `at` is no place, `level` is no whole number, or the mesh has no face with an area.
         """
         return verbs.part_at(self.bound, at, level, alike=alike)
 

@@ -18,7 +18,6 @@ from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
-from dfd.segmentation.parts import Level
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -67,7 +66,7 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
     return replace(edit, default=None if transform == Transform() else transform)
 
 
-def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
+def part_at(weights: HandleWeights, at: Any, level: int = 0, *, alike: bool = True) -> VertexSet:
     """Return the vertices of the part at a place. `level` and `alike` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
     return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)

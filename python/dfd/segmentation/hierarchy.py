@@ -61,8 +61,6 @@ class Hierarchy:
         (T,) (M − m) / (M + `EVEN`), in [0, 1): m is a tree node's merge distance, and M its parent's.
     cut
         The clearest cut: the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
-    clear
-        (T,) whether a tree node may be a part, and no cut of its descendants has a larger sum of `clarity` × area.
 
     Parameters
     ----------
@@ -108,7 +106,7 @@ class Hierarchy:
         self._children = children
         self._closed: dict[int, Bool] = {}
         self._measure_nodes()
-        self.cut, self.clear = self._clearest_cut()
+        self.cut = self._clearest_cut()
 
     def _counterpart_pairs(self, values: Float64) -> list[Bool]:
         """Return pairs of parts to join, (2, P) bool each, the most similar pair first. No part is in two pairs."""
@@ -213,17 +211,17 @@ class Hierarchy:
             self._known_components[key] = components_and_borders(self._patches, self.inside[node])
         return self._known_components[key]
 
-    def _clearest_cut(self) -> tuple[list[int], Bool]:
-        """Return `cut` and `clear`. The best cut of a tree node is the node, or its children's best cuts together."""
+    def _clearest_cut(self) -> list[int]:
+        """Return `cut`. The best cut of a tree node is the node, or its children's best cuts together."""
         count = self._patches.borders.count
-        worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
+        worth = np.zeros(len(self._height))
         cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
             own = self.area[node] * self.clarity(node) if self._may_be_part(node) else 0.0
             below = worth[one] + worth[other]
-            worth[node], clear[node] = max(own, below), own > 0 and own >= below
-            cuts.append([node] if clear[node] else cuts[one] + cuts[other])
-        return cuts[-1], clear
+            worth[node] = max(own, below)
+            cuts.append([node] if own > 0 and own >= below else cuts[one] + cuts[other])
+        return cuts[-1]
 
     def cut_labels(self) -> Int64:
         """Return the index in `cut` of each patch's part, (P,). A small part joins the part that it touches most."""
@@ -240,7 +238,7 @@ class Hierarchy:
         return part
 
     def _measure_nodes(self) -> None:
-        """Set the attributes that have an entry for each tree node, except `clear`."""
+        """Set the attributes that have an entry for each tree node."""
         patches, borders = self._patches, self._patches.borders
         creased = borders.length * borders.concavity.clip(0)
         self.area, self.border = self._sums(patches.area), self._crossing(borders.length)

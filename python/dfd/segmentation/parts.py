@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -20,8 +20,7 @@ from dfd.segmentation.border import SMALL_COMPONENT, components_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
 from dfd.segmentation.patches import Patches
 
-Level = Literal["smaller", "part", "larger"]
-LEAST_RATIO = 1.25  # smallest ratio between the area at a level and the area at the next smaller level
+LEAST_RATIO = 1.25  # smallest ratio between the areas of a part and of the next smaller part in `Parts.part`
 # If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
@@ -109,25 +108,26 @@ class Parts:
     def __repr__(self) -> str:
         return f"Parts({self._mesh!r})"
 
-    def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
-        """Return the part at a place.
+    def part(self, at: Any, level: int = 0, *, alike: bool = True) -> Part:
+        """Return the part at a place. It includes regions that would be cut off without it, such as a leg's hoof.
 
         Parameters
         ----------
         at
             A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
-            "part" is the part that a user most likely means. "smaller" is a part inside that part, and "larger" is a
-            part that contains it. Without a smaller or larger part, the result is as for "part".
+            0 is the part that a user most likely means. −1, −2, … are smaller parts inside it, and 1, 2, … are larger
+            parts that contain it. Levels below 0 can also be parts without the regions that they would cut off. A level
+            beyond the smallest or the largest part stands for that part.
         alike
             Whether the part includes its counterparts, such as the other legs. False gives one connected component.
 
-        Raises ValueError if `at` is no vertex or point, `level` is unknown, or no face has an area above 0.
+        Raises ValueError if `at` is no vertex or point, `level` is no whole number, or no face has an area above 0.
         """
-        check.choice("Parts.part", "level", level, Level)
+        level = check.whole("Parts.part", "level", level)
         vertex = self._vertex(at)
         patch = int(self._patches.of_vertex[vertex])
-        inside = self._hierarchy.inside[self._chosen(patch, level)]
+        inside = self._inside(patch, level)
         if not alike:
             component = components_of(self._patches, inside)
             inside = component == component[patch]
@@ -145,7 +145,7 @@ class Parts:
             return None
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
-        chosen = self._chosen(patch, "part")
+        chosen = tree.held(patch)
         inside = tree.closed(chosen)
         if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
             return None
@@ -215,19 +215,19 @@ class Parts:
         """Move the border of the part `inside` to creases. Return its nodes (N,); that of `vertex` is one of them."""
         return snapped(self._patches, inside, int(self._patches.first[self._patches.nodes.of_vertex[vertex]]))
 
-    def _chosen(self, patch: int, level: Level) -> int:
-        """Return the tree node (see `Hierarchy`) of the part at a patch."""
-        tree = self._hierarchy
-        nodes = tree.candidates(patch)
-        area = tree.area[nodes]
-        clarity = np.array([tree.clarity(node) for node in nodes])
-        best = nodes.index(tree.held(patch))
-        among = np.array([best])
-        if level == "larger":
-            among = np.flatnonzero(area > LEAST_RATIO * area[best])
-        elif level == "smaller":  # the largest of the smaller tree nodes that are clear (`Hierarchy.clear`)
-            among = np.flatnonzero(tree.clear[nodes] & (LEAST_RATIO * area < area[best]))[-1:]
-        return nodes[among[clarity[among].argmax()] if len(among) else best]
+    def _inside(self, patch: int, level: int) -> Bool:
+        """Return the patches (P,) of the part at a patch. `level` is as in `part`."""
+        tree, area = self._hierarchy, self._patches.area
+        nodes, held = tree.candidates(patch), tree.held(patch)
+        found, number = tree.closed(held), nodes.index(held)
+        sets = [tree.closed(node) for node in nodes[number + 1 :]]
+        if level < 0:
+            sets = [inside for node in nodes[number::-1] for inside in (tree.closed(node), tree.inside[node])]
+        for each in sets:
+            small, large = (each, found) if level < 0 else (found, each)
+            if level and area @ large >= LEAST_RATIO * (area @ small) and not (small & ~large).any():
+                found, level = each, level - np.sign(level)
+        return found
 
     def _at_vertices(self, masks: Sequence[Bool]) -> Int64:
         """Interpolate `masks` (N,) to vertices. Return the index of the mask that is largest at each vertex, (V,)."""

@@ -1,5 +1,7 @@
 """Test the parts at a vertex or a point, on samples with labeled parts and noisy features that depend on the label."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
@@ -65,12 +67,23 @@ def test_a_point_stands_for_the_vertex_nearest_to_it(chair, chair_parts):
     assert np.array_equal(at.vertices, np.flatnonzero(at.mask))
 
 
-def test_the_part_contains_the_smaller_part_and_lies_in_the_larger_one(chair, chair_parts):
+def test_parts_of_higher_levels_contain_those_of_lower_levels(chair, chair_parts):
+    levels = range(-3, 4)
     for vertex in range(0, len(chair.mesh.vertices), 211):
-        smaller, part, larger = (chair_parts.part(vertex, level) for level in ("smaller", "part", "larger"))
-        assert smaller.share <= part.share <= larger.share
-        assert overlap(smaller.mask & part.mask, smaller.mask) > 0.7
-        assert overlap(part.mask & larger.mask, part.mask) > 0.8
+        found = [chair_parts.part(vertex, level) for level in levels]
+        assert chair_parts.part(vertex, 50).share == found[-1].share, "there is no larger part"
+        for smaller, larger in pairwise(found):
+            assert smaller.share == larger.share or larger.share >= 1.25 * smaller.share
+        smaller, part, larger = (each.mask for each in found[2:5])
+        assert overlap(smaller & part, smaller) > 0.7
+        assert overlap(part & larger, part) > 0.8
+
+
+def test_a_seat_carries_its_legs_and_the_next_smaller_part_is_the_seat_alone(chair, chair_parts):
+    seat, legs = (chair.labels == chair.parts.index(name) for name in ("seat", "leg"))
+    top = chair.mesh.vertices[seat].mean(axis=0)
+    assert overlap(chair_parts.part(top).mask, seat | legs) > 0.9
+    assert overlap(chair_parts.part(top, -1).mask, seat) > 0.9
 
 
 def test_every_vertex_belongs_to_one_part_of_a_cut_and_the_largest_part_is_first(chair, chair_parts):
@@ -232,7 +245,7 @@ def test_a_handle_on_an_arm_does_not_hold_the_whole_body_without_the_head():
     parts = parts_by(mesh, label, look, 0.2, random)
     low = int(np.hypot(*(mesh.vertices - (0.25, 0, 0.35))[:, ::2].T).argmin())
     assert overlap(parts.part(low).mask, label == 1) > 0.85
-    assert parts.part(low, level="larger").share > 0.7
+    assert parts.part(low, level=1).share > 0.7
 
 
 def test_a_handle_in_the_middle_of_a_neck_holds_the_head_too():
@@ -308,9 +321,9 @@ def test_a_field_gives_the_features(chair):
 @pytest.mark.parametrize(
     ("at", "level", "message"),
     [
-        (-1, "part", "Parts.part: `at`"),
-        ([0.0, np.nan, 0.0], "part", "Parts.part: `at` must be finite"),
-        (0, "huge", "Parts.part: `level` must be"),
+        (-1, 0, "Parts.part: `at`"),
+        ([0.0, np.nan, 0.0], 0, "Parts.part: `at` must be finite"),
+        (0, 0.5, "Parts.part: `level` must be a whole number"),
     ],
 )
 def test_invalid_places_and_levels_raise_an_error(chair_parts, at, level, message):

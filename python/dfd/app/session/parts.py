@@ -1,6 +1,8 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
+from collections.abc import Iterator
 from functools import cached_property
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,7 @@ from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.influence.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
-from dfd.segmentation.parts import Level
 
-LEVELS: tuple[Level, ...] = ("smaller", "part", "larger")
 MOST_KEPT = 64  # largest number of parts in the cache
 
 
@@ -47,7 +47,7 @@ class ShapeParts:
             "component": nodes.component[nodes.of_vertex[mesh.faces[:, 0]]],
         }
 
-    def at(self, vertex: int, level: Level = "part", *, alike: bool = True) -> VertexSet:
+    def at(self, vertex: int, level: int = 0, *, alike: bool = True) -> VertexSet:
         """Return the part at a vertex. With `alike`, the part includes its counterparts."""
         return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
 
@@ -74,15 +74,28 @@ class ShapeParts:
 
     def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
         """Return the next smaller or next larger part at a vertex, compared with the handle's present region."""
-        alike = handle.controls.counterparts != "only"
-        levels = [self.at(vertex, level, alike=alike) for level in LEVELS]
-        region = handle.place.region
-        now = len(levels[1].indices if region is None else members(self._mesh, region))
-        sign = 1 if how == "larger" else -1
-        others = [each for each in levels if sign * (len(each.indices) - now) > 0]
-        if not others:
-            raise ValueError(f"There is no {how} part here")
-        return min(others, key=lambda each: sign * len(each.indices))
+        alike, sign = handle.controls.counterparts != "only", 1 if how == "larger" else -1
+        region, likely = handle.place.region, self.at(vertex, alike=alike)
+        now = len(likely.indices if region is None else members(self._mesh, region))
+
+        def fits(part: VertexSet) -> bool:
+            return sign * (len(part.indices) - now) > 0
+
+        if fits(likely):  # parts between the present region and the most likely part are nearer
+            *_, found = takewhile(fits, self._levels(vertex, -sign, alike=alike))
+            return found
+        for found in self._levels(vertex, sign, alike=alike):
+            if fits(found):
+                return found
+        raise ValueError(f"There is no {how} part here")
+
+    def _levels(self, vertex: int, step: int, *, alike: bool) -> Iterator[VertexSet]:
+        """Yield the most likely part at a vertex, and then ever larger (`step` 1) or ever smaller parts (`step` −1)."""
+        level, last, found = 0, None, self.at(vertex, alike=alike)
+        while found != last:
+            yield found
+            level, last = level + step, found
+            found = self.at(vertex, level, alike=alike)
 
     def _unit(self, vertex: int, how: PartChange) -> VertexSet:
         """Return all vertices of the scene part, material or connected component at a vertex."""
