@@ -26,10 +26,12 @@ LARGEST_MEANT = 0.6  # largest fraction of the surface area in a subtree that a 
 SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # a joint gets handles if its subtree has an area fraction between these
 HANDLES = 3  # largest number of handles per joint
 HELD_WELL = 0.7  # a joint counts as held well if the mean soft IoU of its handles is at least this
+STEPS = 2  # number of levels, below and above 0, from which a user may choose
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
     "left behind": "the fraction of the area of the joint's subtree that does not follow the handle",
     "held well": f"the fraction of joints with a soft IoU of at least {HELD_WELL}",
+    "held well at a level": f"the same if the user chooses the best of the levels from -{STEPS} to {STEPS}",
 }
 # In rigs for inverse kinematics, feet and hands are children of a root. `read_rigged` makes them children of a limb.
 FOOT = re.compile(r"foot|toe|hoof|paw|hand|fist|^ff|^ik", re.IGNORECASE)
@@ -108,10 +110,14 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
     """Return the numbers that `LEGEND` explains, as means over the joints."""
-    session = dfd.Deformer(shape.mesh, field)
-    of_joints = [map(shape.judge, each.tolist(), weights_of_each(session, each)) for each in shape.handles()]
-    overlap, left = np.transpose([np.mean(list(each), axis=0) for each in of_joints])
-    return dict(zip(LEGEND, map(float, (overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean())), strict=True))
+    session, of_joints = dfd.Deformer(shape.mesh, field), []
+    for each in shape.handles():
+        levels = [weights_of_each(session, each, level=level) for level in range(-STEPS, STEPS + 1)]
+        of_joints.append(np.array([[*map(shape.judge, each.tolist(), weights)] for weights in levels]))
+    overlap, left = np.transpose([each[STEPS].mean(axis=0) for each in of_joints])
+    best = np.array([each[..., 0].max(axis=0).mean() for each in of_joints])
+    numbers = overlap.mean(), left.mean(), (overlap >= HELD_WELL).mean(), (best >= HELD_WELL).mean()
+    return dict(zip(LEGEND, map(float, numbers), strict=True))
 
 
 def read_rigged(path: Path) -> RiggedShape:

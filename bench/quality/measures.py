@@ -57,11 +57,11 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
-def weights_of_each(session: dfd.Deformer, vertices: Handles) -> list[Float64]:
+def weights_of_each(session: dfd.Deformer, vertices: Handles, level: int = 0) -> list[Float64]:
     """Return the weights (V,) of a handle at each of `vertices` (H,). `session` must have no other handles."""
     found = []
     for vertex in vertices.tolist():
-        held = session.add(vertex)
+        held = session.add(vertex, level=level)
         found.append(session.following[:, 0].astype(np.float64))
         session.remove(held)
     return found

@@ -65,7 +65,7 @@ def value_of(value: Any) -> Any:
     parts = value.split(",") if isinstance(value, str) else []
     if not parts or not all(map(is_number, parts)):
         return value
-    numbers = [float(part) for part in parts]
+    numbers = [int(part) if part.lstrip("+-").isdecimal() else float(part) for part in parts]
     return numbers if len(numbers) > 1 else numbers[0]
 
 

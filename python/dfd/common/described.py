@@ -133,8 +133,8 @@ def check_fields(value: Any) -> None:
                 function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
             )
             object.__setattr__(value, name, number)
-        elif int in kinds and said is not None and said.minimum is not None:
-            check.whole(function, name, given, minimum=int(said.minimum))
+        elif int in kinds and said is not None:
+            check.whole(function, name, given, minimum=None if said.minimum is None else int(said.minimum))
         elif str in kinds and not (isinstance(given, str) and given):
             raise ArgumentError(name, f"must be a text that is not empty, got {given!r}", function)
         elif words and isinstance(words[0], str):

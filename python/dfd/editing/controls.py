@@ -76,6 +76,14 @@ class Controls(Brief):
     strength: Annotated[
         float, About("Factor from 0 to 1 for the handle's weights.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05))
     ] = 1.0
+    level: Annotated[
+        int,
+        About(
+            'With the reach "part": 0 moves the part that is most likely meant, −1, −2, … smaller parts in it, '
+            "1, 2, … larger parts around it.",
+            metavar="N",
+        ),
+    ] = 0
     counterparts: Annotated[
         Counterparts,
         About(

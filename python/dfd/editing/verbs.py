@@ -46,7 +46,7 @@ def change(
     """Return `edit` with another place, other controls or another name for a handle."""
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at)
-    shaped = held.controls.changed(**_controls(weights, place, controls))
+    shaped = held.controls.changed(**_controls(weights, place, controls, held.controls.level))
     new = replace(held, place=place, controls=shaped, name=held.name if name is None else name)
     changed, pivot_at = edit.replaced(new), held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
@@ -77,18 +77,22 @@ def place_of(weights: HandleWeights, at: Any) -> Place:
     return place_on(weights.mesh, _part_named(weights, at))
 
 
-def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the `given` controls of a handle at `place` to arguments of `Controls.changed`."""
-    mask = _part_named(weights, given.get("mask"), place)
+def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any], level: int = 0) -> dict[str, Any]:
+    """Convert the `given` controls of a handle at `place` to arguments of `Controls.changed`.
+
+    `level` is the handle's present level.
+    """
+    mask = given.get("mask")
+    if isinstance(mask, str):
+        now = level if given.get("level") is None else given["level"]
+        mask = part_at(weights, place, now) if mask == "part" else _part_named(weights, mask)
     return controls_on(weights.mesh, {**given, "mask": mask})
 
 
-def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
-    """Return `at`. Some texts give a part: "part@812", "piece@812" (no counterparts) or "part" (the part at `own`)."""
+def _part_named(weights: HandleWeights, at: Any) -> Any:
+    """Return `at`. Two kinds of texts give a part: "part@812", and "piece@812" without counterparts."""
     if not isinstance(at, str):
         return at
-    if at == "part" and own is not None:
-        return part_at(weights, own)
     kind, _, where = at.partition("@")
     return part_at(weights, where, alike=kind == "part") if where and kind in ("part", "piece") else at
 

@@ -200,10 +200,8 @@ class Hierarchy:
         return nodes[chosen]
 
     def girth(self, node: int) -> float:
-        """Return the mean length of a tree node's borders, in diagonals of the box: the girth of a limb at its base."""
-        # The girth of a tree node without borders is the side of a square with the area of the tree node.
-        length = self.border[node] or np.sqrt(self.area[node] * self._patches.node_area.sum())
-        return float(length) / self._components(node)[1]
+        """Return the `girth` of a tree node."""
+        return _girth(self._patches, float(self.border[node]), float(self.area[node]), self._components(node)[1])
 
     def _components(self, node: int) -> tuple[Float64, int]:
         key = self._keys[node]
@@ -289,6 +287,22 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
     # On a connected surface of genus 0, the components of the part and of its surroundings form a tree, whose edges are
     # the borders.
     return areas[large & own], max(int(large.sum()) - 1, 1)
+
+
+def girth(patches: Patches, inside: Bool) -> float:
+    """Return the mean length of a part's borders, in diagonals of the box, such as the girth of a limb at its base.
+
+    `inside` (P,) is True for the patches of the part. The girth of a part without borders is the side of a square with
+    the area of the part.
+    """
+    borders = patches.borders
+    length = float(borders.length[np.not_equal(*inside[borders.pairs.T])].sum())
+    return _girth(patches, length, float(patches.area @ inside), components_and_borders(patches, inside)[1])
+
+
+def _girth(patches: Patches, length: float, share: float, borders: int) -> float:
+    """Return the girth of a part with a number of `borders` of total `length`, and a `share` of the surface."""
+    return (length or float(np.sqrt(share * patches.node_area.sum()))) / borders
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:

@@ -17,11 +17,12 @@ from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import SMALL_COMPONENT, components_of, snapped
-from dfd.segmentation.hierarchy import Hierarchy, components_and_borders
+from dfd.segmentation.hierarchy import Hierarchy, components_and_borders, girth
 from dfd.segmentation.patches import Patches
 
 LEAST_RATIO = 1.25  # smallest ratio between the areas of a part and of the next smaller part in `Parts.part`
-# If no candidate has this saliency (`Hierarchy.saliency`), a handle moves no part. On balls, saliency is at most 0.031.
+# At level 0, a handle moves a part only if a candidate has this saliency (`Hierarchy.saliency`). On balls, saliency is at
+# most 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
 # length of its borders. At rest, the width of the band is the smaller of two numbers: REST times the diagonal of the
@@ -134,49 +135,32 @@ class Parts:
         nodes = self._snapped(inside, vertex)
         return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
 
-    def grip(self, at: Any, band: float = 1.0) -> Grip | None:
-        """Return the part that a handle at a place moves, or None if there is no part, such as on a ball.
+    def grip(self, at: Any, level: int = 0, band: float = 1.0) -> Grip | None:
+        """Return the part that a handle at a place moves, or None if there is no part, such as level 0 on a ball.
 
-        Regions that would be cut off without this part belong to the result. `band` is the width of the blend band,
-        divided by its width at rest.
+        `level` is as in `part`, and `band` is the width of the blend band, divided by its width at rest.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
             return None
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
-        chosen = tree.held(patch)
-        inside = tree.closed(chosen)
-        if inside.all() or max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY:
+        inside = self._inside(patch, level)
+        if inside.all() or (not level and max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY):
             return None
         side = self._snapped(inside, vertex)
-        # The blend band does not cross gaps between components of the mesh, such as gaps between teeth and lips.
-        graph, of_mesh = patches.nodes.graph, patches.nodes.component
-        row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
-        connected = of_mesh[row] == of_mesh[graph.indices]
-        row, beside, apart = row[connected], graph.indices[connected], graph.data[connected]
-        ends = np.unique(row[side[row] != side[beside]])
-        graph = csr_array((apart, (row, beside)), shape=graph.shape)
-        depth = _depth(graph, side, ends)
-        component = components_of(patches, inside)
-        own = component[patch]
-        area = np.bincount(component[inside], patches.area[inside])
-        large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == own)
-        component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
-        # `component` is −1 at borders that `snapped` moved outwards. There, `nearest` is the nearest component.
-        center, nearest = patches.nodes.center, component.copy()
-        known, lost = np.flatnonzero(component >= 0), np.flatnonzero(side & (component < 0))
-        nearest[lost] = component[known[cKDTree(center[known]).query(center[lost])[1]]] if len(known) else own
-        points = center[ends[nearest[ends] == own]]
-        direction = np.zeros(3)
-        components, borders = components_and_borders(patches, inside)
-        if borders <= MOST_BORDERS * len(components) and len(points):
-            direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
-        rest = patches.size * min(REST, tree.girth(chosen) * REST_OF_GIRTH)
+        depth, ends = _depth(patches, side)
+        component, nearest, own = _component_of_node(patches, inside, side, patch)
+        rest = patches.size * min(REST, girth(patches, inside) * REST_OF_GIRTH)
         # The band ends nearer to the border in components that are shorter than the one at the handle.
         deepest = np.zeros(max(own, nearest.max()) + 1)
         np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
         inward = np.maximum(INWARD * deepest, rest / 2)
+        center = patches.nodes.center
+        points, direction = center[ends[nearest[ends] == own]], np.zeros(3)
+        components, borders = components_and_borders(patches, inside)
+        if borders <= MOST_BORDERS * len(components) and len(points):
+            direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
         border = Border(points, direction, rest, OUTWARD * rest, float(inward[own]))
         within = _blended(patches, depth, border, band, inward[nearest])
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
@@ -268,18 +252,42 @@ class Parts:
         return Hierarchy(self._patches, self._patches.means(self._features))
 
 
-def _depth(graph: csr_array, side: Bool, ends: Int64) -> Float64:
-    """Return the signed distance (N,) of each mesh node from the border of a part, along the surface, in mesh units.
+def _depth(patches: Patches, side: Bool) -> tuple[Float64, Int64]:
+    """Return the signed distance (N,) of each mesh node from the border of the part `side` (N,), in mesh units.
 
-    The distances are positive in the part `side` (N,), and negative outside. They are infinite for nodes that no path
-    of `graph` (N, N) joins to the border. `ends` (E,) are the nodes beside the border, on both sides.
+    The distances are along the surface, positive in the part, and negative outside. They do not cross gaps between
+    components of the mesh, such as gaps between teeth and lips. They are infinite for nodes without a path to the
+    border. Also return the nodes (E,) beside the border, on both sides.
     """
+    graph, of_mesh = patches.nodes.graph, patches.nodes.component
+    row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
+    connected = of_mesh[row] == of_mesh[graph.indices]
+    row, beside, apart = row[connected], graph.indices[connected], graph.data[connected]
+    ends = np.unique(row[side[row] != side[beside]])
+    graph = csr_array((apart, (row, beside)), shape=graph.shape)
     depth = np.where(side, np.inf, -np.inf)
     for inner in (False, True):
         if len(sources := ends[side[ends] != inner]):
             found = dijkstra(graph, indices=sources, min_only=True)
             depth = np.where(side == inner, found if inner else -found, depth)
-    return depth
+    return depth, ends
+
+
+def _component_of_node(patches: Patches, inside: Bool, side: Bool, own: int) -> tuple[Int64, Int64, int]:
+    """Return the index of the part's connected component at each mesh node, twice (N,), and the index at patch `own`.
+
+    `inside` (P,) and `side` (N,) are the part's patches and mesh nodes. The first array is `Grip.component`. In the
+    second, nodes of the part at borders that `snapped` moved outwards have the index of the nearest component.
+    """
+    component = components_of(patches, inside)
+    here = int(component[own])
+    area = np.bincount(component[inside], patches.area[inside])
+    large = (area > SMALL_COMPONENT * area.max()) | (np.arange(len(area)) == here)
+    component = np.where(side, np.where(large[component] & inside, component, -1)[patches.of_node], -1)
+    center, nearest = patches.nodes.center, component.copy()
+    known, lost = np.flatnonzero(component >= 0), np.flatnonzero(side & (component < 0))
+    nearest[lost] = component[known[cKDTree(center[known]).query(center[lost])[1]]] if len(known) else here
+    return component, nearest, here
 
 
 def _blended(patches: Patches, depth: Float64, border: Border, band: float, inward: Float64) -> Float64:

@@ -34,6 +34,17 @@ def test_a_handle_and_what_is_fixed_may_be_the_part_that_a_place_is_on(run, chai
     assert failed(refused, f"`--handle` cannot be 'part@{low}' without `--field`, because parts need features")
 
 
+def test_a_level_makes_the_part_of_a_handle_smaller(run, chair):
+    moved = []
+    for level in (0, -1):
+        move = ("--level", level, "--translate", 0, 0.2, 0, "-o", "out.ply")
+        assert worked(run("deform", "MESH", "--field", "FIELD", "--handle", "0,0.5,0", *move))
+        moved.append(int((np.abs(dfd.load("out.ply").vertices - chair.vertices).max(axis=1) > 0.1).sum()))
+    assert moved[1] < moved[0]
+    refused = run("deform", "MESH", "--field", "FIELD", "--handle", 5, "--level", 0.5, "-o", "out.ply")
+    assert failed(refused, "`--level` must be a whole number, got 0.5")
+
+
 def test_parts_are_groups_of_an_obj_and_material_slots_of_a_glb(run, chair):
     assert worked(run("parts", "MESH", "--field", "FIELD", "-o", "parts.json"))
     cut = json.loads(Path("parts.json").read_text())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.editing.edit_file import from_document, to_document
 from dfd.editing.influence.regions import VertexSet
 
 
@@ -16,6 +17,24 @@ def test_a_part_is_a_region_that_holds_the_place(mesh, field):
     assert len(session.part(100, alike=False).indices) <= len(part.indices)
     with pytest.raises(ValueError, match="Deformer.part: `level` must be"):
         session.part(100, level=0.5)
+
+
+def test_a_handle_moves_the_part_of_its_level(mesh, field):
+    session = dfd.Deformer(mesh, field)
+    held, at = session.add(100), 100
+    for level in (-1, 0, 1):
+        session.change(held, level=level, mask="part")
+        region = session.part(at, level=level)
+        assert session.handle(held).controls.mask == region
+        session.change(held, mask="everywhere")
+        moved = session.following[:, 0] > 0.5
+        own = np.isin(np.arange(len(moved)), region.indices)
+        assert (moved & own).sum() > 0.9 * (moved | own).sum()
+    session.change(held, level=-1)
+    written = to_document(session.edit, session.mesh)
+    assert from_document(written, session.mesh).handles[0].controls.level == -1
+    with pytest.raises(ValueError, match="Deformer.change: `level` must be a whole number, got 'large'"):
+        session.change(held, level="large")
 
 
 def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:

@@ -129,7 +129,7 @@ def test_vertices_at_one_position_belong_to_one_part(chair):
 
 def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
-    held = chair_parts.grip(foot_of(chair), 4.0).weights
+    held = chair_parts.grip(foot_of(chair), band=4.0).weights
     assert held.dtype == np.float32
     assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
@@ -143,7 +143,7 @@ def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(
 def test_the_blend_band_is_smooth_and_ends_near_the_border(chair, chair_parts, band):
     """The slope between neighboring vertices changes little, and only vertices near the legs have weights above 0."""
     legs = chair.labels == chair.parts.index("leg")
-    grip = chair_parts.grip(foot_of(chair), band)
+    grip = chair_parts.grip(foot_of(chair), band=band)
     held, border, vertices = grip.weights, grip.border, chair.mesh.vertices
     assert held[foot_of(chair)] == 1
     away = np.linalg.norm(vertices[:, None] - vertices[legs][None], axis=2).min(axis=1)
@@ -177,11 +177,11 @@ def test_a_narrow_strip_with_other_features_is_no_part():
 
 
 def test_the_weight_at_a_handle_in_the_blend_band_is_1(chair, chair_parts):
-    held = chair_parts.grip(foot_of(chair), 16.0).weights
+    held = chair_parts.grip(foot_of(chair), band=16.0).weights
     in_band = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
     assert len(in_band)
     for vertex in in_band[::7]:
-        own = chair_parts.grip(vertex, 16.0).weights
+        own = chair_parts.grip(vertex, band=16.0).weights
         assert own[vertex] == 1
         assert own.max() == 1
 
@@ -297,7 +297,9 @@ def test_a_shape_without_creases_and_changes_of_features_has_no_grip():
     made = trimesh.creation.icosphere(4)
     ball = dfd.Mesh(made.vertices, made.faces)
     rows = np.random.default_rng(0).normal(size=(len(ball.vertices), 8)) * 0.1 + 1
-    assert Parts(ball, lambda some: rows[some].astype(np.float32)).grip(0) is None
+    parts = Parts(ball, lambda some: rows[some].astype(np.float32))
+    assert parts.grip(0) is None
+    assert parts.grip(0, level=-1).weights[0] == 1, "the user asks for a part"
     flat = Parts(dfd.Mesh(np.zeros((3, 3)), [[0, 1, 2]]), lambda some: rows[some])
     flat.prepare()
     assert flat.grip(0) is None

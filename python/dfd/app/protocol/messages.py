@@ -128,10 +128,13 @@ class ControlEntry(Model):
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
-    """Return the entries of all controls whose values are not places or regions, then the entry of the preset."""
+    """Return the entries of all controls whose values are not places or regions, then the entry of the preset.
+
+    `level` has no entry: the page has buttons for it.
+    """
     entries = []
     for name, (kind, said) in {**about(controls.Controls), "preset": about(Edit)["preset"]}.items():
-        if said is None or said.repeated or name == "mask":
+        if said is None or said.repeated or name in ("mask", "level"):
             continue
         kinds, label, choices = (kind, *get_args(kind)), said.called(name), words_of(kind)
         shown: Any = "number" if float in kinds else "switch" if bool in kinds else "choice"

@@ -1,8 +1,6 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
-from collections.abc import Iterator
 from functools import cached_property
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -47,15 +45,36 @@ class ShapeParts:
             "component": nodes.component[nodes.of_vertex[mesh.faces[:, 0]]],
         }
 
-    def at(self, vertex: int, level: int = 0, *, alike: bool = True) -> VertexSet:
-        """Return the part at a vertex. With `alike`, the part includes its counterparts."""
-        return self._found.get((vertex, level, alike), lambda: self._deformer.part(vertex, level=level, alike=alike))
+    def at(self, vertex: int, level: int = 0) -> VertexSet:
+        """Return the part at a vertex, with its counterparts."""
+        return self._found.get((vertex, level), lambda: self._deformer.part(vertex, level=level))
 
-    def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> VertexSet:
-        """Return a handle's region after the change `how`. "add" and "remove" add or remove the part at `vertex`.
+    def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> dict[str, Any]:
+        """Return the arguments of `Deformer.change` for the change `how` of a handle's part or region.
+
+        "smaller" and "larger" change the level, all others the region. "add" and "remove" add or remove the part at
+        `vertex`. If the mask is the handle's part or region, it changes too.
 
         Raises ValueError if there is no such part, `vertex` is missing, or the region would be empty.
         """
+        given: dict[str, Any] = {}
+        if how in ("smaller", "larger"):
+            place, level = handle.place, handle.controls.level
+            at = self._deformer.bound.rows.anchor(place)
+            if isinstance(place.region, VertexSet):
+                given["at"] = at = self._origins.get(place.region, at)
+            given["level"] = level + (1 if how == "larger" else -1)
+            found = self.at(at, given["level"])
+            if found == self.at(at, level):
+                raise ValueError(f"There is no {how} part here")
+        else:
+            given["at"] = found = self._region(handle, how, vertex)
+        if self.limits(handle):
+            given["mask"] = found
+        return given
+
+    def _region(self, handle: Handle, how: PartChange, vertex: int | None) -> VertexSet:
+        """Return a handle's region after the change `how`, which is not "smaller" or "larger"."""
         mesh = self._mesh
         if how in ("add", "remove"):
             if vertex is None:
@@ -68,34 +87,9 @@ class ShapeParts:
         region, origin = handle.place.region, self._deformer.bound.rows.anchor(handle.place)
         if isinstance(region, VertexSet):
             origin = self._origins.get(region, origin)
-        found = self._resized(handle, origin, how) if how in ("smaller", "larger") else self._unit(origin, how)
+        found = self._unit(origin, how)
         self._origins[found] = origin
         return found
-
-    def _resized(self, handle: Handle, vertex: int, how: PartChange) -> VertexSet:
-        """Return the next smaller or next larger part at a vertex, compared with the handle's present region."""
-        alike, sign = handle.controls.counterparts != "only", 1 if how == "larger" else -1
-        region, likely = handle.place.region, self.at(vertex, alike=alike)
-        now = len(likely.indices if region is None else members(self._mesh, region))
-
-        def fits(part: VertexSet) -> bool:
-            return sign * (len(part.indices) - now) > 0
-
-        if fits(likely):  # parts between the present region and the most likely part are nearer
-            *_, found = takewhile(fits, self._levels(vertex, -sign, alike=alike))
-            return found
-        for found in self._levels(vertex, sign, alike=alike):
-            if fits(found):
-                return found
-        raise ValueError(f"There is no {how} part here")
-
-    def _levels(self, vertex: int, step: int, *, alike: bool) -> Iterator[VertexSet]:
-        """Yield the most likely part at a vertex, and then ever larger (`step` 1) or ever smaller parts (`step` −1)."""
-        level, last, found = 0, None, self.at(vertex, alike=alike)
-        while found != last:
-            yield found
-            level, last = level + step, found
-            found = self.at(vertex, level, alike=alike)
 
     def _unit(self, vertex: int, how: PartChange) -> VertexSet:
         """Return all vertices of the scene part, material or connected component at a vertex."""
@@ -109,7 +103,7 @@ class ShapeParts:
         """Return the handle's region if it is a set of vertices, otherwise the part at the handle."""
         if isinstance(handle.place.region, VertexSet):
             return handle.place.region
-        return self.at(self._deformer.bound.rows.anchor(handle.place))
+        return self.at(self._deformer.bound.rows.anchor(handle.place), handle.controls.level)
 
     def limits(self, handle: Handle) -> bool:
         """Return whether the handle's mask is the handle's region or part."""

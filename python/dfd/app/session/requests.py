@@ -139,19 +139,17 @@ def add(session: Session, at: Place) -> None:
 def take_part(
     session: Session, handle: int, how: PartChange, vertex: Index | None = None, preview: bool = False
 ) -> ArrayAnswer | None:
-    """Change the region of a handle, and the mask if it is the handle's part. "add" and "remove" need `vertex`.
+    """Change the part or region of a handle, and the mask if it is this part. "add" and "remove" need `vertex`.
 
     With `preview`, the edit stays unchanged, and the answer is `heat`: the weights that the handle would have.
     """
     parts, deformer = session.require().parts, session.deformer
-    held = deformer.edit.handle(handle)
-    chosen = parts.taken(held, how, vertex)
-    mask = chosen if parts.limits(held) else None
+    given = parts.taken(deformer.edit.handle(handle), how, vertex)
     if not preview:
-        session.change(lambda deformer: deformer.change(handle, at=chosen, mask=mask))
+        session.change(lambda deformer: deformer.change(handle, **given))
         return None
     with _tried(deformer):
-        deformer.change(handle, at=chosen, mask=mask)
+        deformer.change(handle, **given)
         weights = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(handle))]
         return _heat(weights)
 

@@ -50,7 +50,7 @@ class FeatureWeights:
         self._subtracted: Recent[Float32] = Recent(1)
         self._geodesics: dict[bool, Geodesics] = {}  # key: whether distances are exact
         self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
-        self._reaches: dict[Place, float] = {}
+        self._reaches: dict[tuple[Place, int], float] = {}  # keys: the place and the level
 
     def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
         """Return the weights (V, H) of the handles of `edit`, read-only, and the key of each column.
@@ -91,16 +91,16 @@ class FeatureWeights:
 
     def reach(self, handle: Handle) -> float:
         """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
-        place = handle.place
+        place, key = handle.place, (handle.place, handle.controls.level)
         if handle.controls.reach != "part":
             return handle.controls.reach
-        if place not in self._reaches and (grip := self._grips.grip(place)) is not None:
+        if key not in self._reaches and (grip := self._grips.grip(*key)) is not None:
             # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
             apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
             within = apart[grip.weights > 0.5]
             widest = float(np.quantile(within, REACH_QUANTILE)) if len(within) else 0.0
-            self._reaches[place] = min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
-        return self._reaches.get(place, PARTLESS_REACH)
+            self._reaches[key] = min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
+        return self._reaches.get(key, PARTLESS_REACH)
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
@@ -172,7 +172,7 @@ class FeatureWeights:
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights of a handle (Eq. 4 to 7) to `column` (V,)."""
         place, controls, fixed = key.place, key.controls, key.fixed
-        part = self._grips.part(place, key.band) if controls.reach == "part" else None
+        part = self._grips.part(place, controls.level, key.band) if controls.reach == "part" else None
         # Inside a part, all weights must be 1. So the reach is much larger than all feature distances.
         of_part = PARTLESS_REACH if part is None else LARGEST
         reach = of_part if controls.reach == "part" else controls.reach

@@ -53,40 +53,43 @@ class Grips:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
 
-    def grip(self, place: Place, band: float = 1.0) -> Grip | None:
+    def grip(self, place: Place, level: int = 0, band: float = 1.0) -> Grip | None:
         """Return the part at a place, including all counterparts; None if there is no part, such as on a ball.
 
         In the blend band, a strip along the border of the part, weights fall from 1 to 0. `band` is the width of this
-        strip, divided by its width at rest.
+        strip, divided by its width at rest. `level` is as in `Parts.part`.
         """
-        return self._parts.get((place, band), lambda: self.parts.grip(self._rows.anchor(place), band))
+        key = (place, level, band)
+        return self._parts.get(key, lambda: self.parts.grip(self._rows.anchor(place), level, band))
 
     def band(self, handle: Handle) -> float:
         """Return the argument `band` of `grip` for a handle. At rest or without a part, it is 1."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, IDENTITY):
             return 1.0
-        place = handle.place
-        border = self._borders.get(place, lambda: None if (grip := self.grip(place)) is None else grip.border)
+        key = (handle.place, handle.controls.level)
+        border = self._borders.get(key, lambda: None if (grip := self.grip(*key)) is None else grip.border)
         return 1.0 if border is None else border.band(handle.matrix)
 
-    def held(self, place: Place, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None) -> Held:
+    def held(
+        self, place: Place, level: int, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None
+    ) -> Held:
         """Return the part and the counterparts at a place. If given, `plane` replaces the shape's planes of symmetry.
 
-        `band` is as in `grip`, `everywhere` as in `find_counterparts`.
+        `level` and `band` are as in `grip`, `everywhere` as in `find_counterparts`.
         """
 
         def find() -> Held:
-            rows, grip = self._rows, self.grip(place, band)
+            rows, grip = self._rows, self.grip(place, level, band)
             weights: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            known = None if band == 1.0 else self.held(place, 1.0, everywhere=everywhere, plane=plane)
+            known = None if band == 1.0 else self.held(place, level, 1.0, everywhere=everywhere, plane=plane)
             at, position = rows.anchor(place), place.position
             return find_counterparts(
                 self._mesh, weights, at, position, grip, planes, everywhere=everywhere, known=known
             )
 
-        return self._held.get((place, band, everywhere, plane), find)
+        return self._held.get((place, level, band, everywhere, plane), find)
 
-    def part(self, place: Place, band: float) -> Float32 | None:
+    def part(self, place: Place, level: int, band: float) -> Float32 | None:
         """Return the weights of the part at a place, (V,), or None if there is no part."""
-        return None if self.grip(place, band) is None else self.held(place, band).part
+        return None if self.grip(place, level, band) is None else self.held(place, level, band).part

@@ -125,10 +125,10 @@ class HandleWeights:
         counterpart always moves. If the control `counterparts` is "only", no other moves. `band` is as in `Grips.grip`.
         If it is None, the handle's transform determines the width.
         """
-        everywhere = handle.controls.reach != "part"
+        everywhere, level = handle.controls.reach != "part", handle.controls.level
         band = self.grips.band(handle) if band is None else band
         found, resting = (
-            self.grips.held(handle.place, each, everywhere=everywhere, plane=edit.symmetry).counterparts
+            self.grips.held(handle.place, level, each, everywhere=everywhere, plane=edit.symmetry).counterparts
             for each in (band, 1.0)
         )
         on = [True] + [handle.controls.counterparts != "only"] * (len(found) - 1)
