@@ -38,8 +38,9 @@ NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower 
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
-# up to MARGIN × d beyond the band. Without smoothing, the mean fold of the rigs is 51°.
-SMOOTHING, STEPS, MARGIN = 0.6, 2, 1.2
+# up to MARGIN × d beyond the band, and inside the part at most INNER_MARGIN times the distance of its inner end from the
+# border. Without smoothing, the mean fold of the rigs is 51°.
+SMOOTHING, STEPS, MARGIN, INNER_MARGIN = 0.6, 2, 1.2, 0.5
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
 
@@ -303,7 +304,7 @@ def _blended(patches: Patches, depth: Float64, border: Border, band: float, inwa
     weights = np.where(depth < 0, at_border * (1 + depth / outward), at_border + (1 - at_border) * depth / inward)
     np.clip(weights, 0.0, 1.0, out=weights)
     beyond, area = MARGIN * outward, patches.node_area
-    inner = inward + np.minimum(beyond, inward / 2)
+    inner = inward + np.minimum(beyond, INNER_MARGIN * inward)
     free = np.flatnonzero((depth > -outward - beyond) & (depth < inner) & (area > 0.0))
     if len(free):
         borders, time = patches.node_borders, (SMOOTHING * outward / patches.size) ** 2

@@ -36,7 +36,8 @@ def read_off(data: bytes) -> Geometry:
         raise ValueError(f"it begins with {shortened(kind)}, not with OFF")
     counts, rest = (first, lines[1:]) if first else (lines[1].split() if len(lines) > 1 else [], lines[2:])
     if len(counts) < 2 or not all(each.isdecimal() for each in counts[:2]):
-        raise ValueError("it does not state its numbers of vertices and faces")
+        found = shortened(" ".join(counts)) if counts else "nothing"
+        raise ValueError(f"it does not state its numbers of vertices and faces, got {found}")
     vertex_count, face_count = int(counts[0]), int(counts[1])
     if len(rest) < vertex_count + face_count:
         raise ValueError(
