@@ -35,7 +35,15 @@ TRANSFORM = {
     "bend": 20.0,
     "twist": 5,
 }
-CONTROLS = {"reach": 0.7, "falloff": 0.8, "counterparts": "own_pivot", "locality": 1.0, "strength": 0.5, "name": "a"}
+CONTROLS = {
+    "reach": 0.7,
+    "falloff": 0.8,
+    "counterparts": "own_pivot",
+    "locality": 1.0,
+    "strength": 0.5,
+    "level": -1,
+    "name": "a",
+}
 TURNED = {"handle": 1, "translation": [0, 0.1, 0], "rotation": [0, 0, 90], "scale": ONE, "twist": 10}
 ASKED: list[dict[str, Any]] = [  # valid requests of all types, except those that start processes or open samples
     *({"type": "add", "at": at} for at in (7, {"mask": MASK})),

@@ -87,7 +87,7 @@ def _edited(
     near: tuple[dict[str, Any], ...] = ({}, {"locality": 2.0}, {"radius": "30%"})
     for kind, how in zip(get_args(Counterparts), random.permutation(near), strict=True):  # type: ignore[arg-type]
         session.apply(Edit())
-        held = session.add(handles[0], counterparts=kind, **turned, **how)
+        held = session.add(handles[0], counterparts=kind, level=random.integers(-3, 4), **turned, **how)
         _check(session)
         off = [one.vertex for one, _ in session.bound.counterparts(session.edit, session.handle(held))]
         session.change(held, excluded_counterparts=off[1::2])

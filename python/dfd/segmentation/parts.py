@@ -134,7 +134,9 @@ class Parts:
             component = components_of(self._patches, inside)
             inside = component == component[patch]
         nodes = self._snapped(inside, vertex)
-        return self._part(inside, self._at_vertices([~nodes, nodes]) == 1, vertex)
+        mask = self._at_vertices([~nodes, nodes]) == 1
+        mask[vertex] = True  # the interpolation can exclude it from a small part
+        return self._part(inside, mask, vertex)
 
     def grip(self, at: Any, level: int = 0, band: float = 1.0) -> Grip | None:
         """Return the part that a handle at a place moves, or None if there is no part, such as level 0 on a ball.

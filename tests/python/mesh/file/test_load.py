@@ -94,7 +94,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("short.obj", obj_cube() + "v 1 0\n", "line 21: 'v' has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
         ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
-        ("counts.off", "OFF 3\n0 0 0\n1 0 0\n0 1 0\n", "it does not state its numbers of vertices and faces, got 3"),
+        ("counts.off", "OFF 3\n0 0 0\n1 0 0\n0 1 0\n", "it does not state its numbers of vertices and faces, got '3'"),
         ("line.off", "OFF\n3\n0 0 0\n1 0 0\n0 1 0\n", "it does not state its numbers of vertices and faces"),
         ("one.off", "OFF\n3 1\n0 0 0\n1 0 0\n5\n3 0 1 2\n", "vertex 2 has the coordinates '5'"),
         ("two.off", "OFF\n3 1\n0 0 0\n1 0 0\n5 6\n3 0 1 2\n", "vertex 2 has the coordinates '5 6'"),
