@@ -21,7 +21,7 @@ from dfd.segmentation.hierarchy import Hierarchy, components_and_borders, girth
 from dfd.segmentation.patches import Patches
 
 LEAST_RATIO = 1.25  # smallest ratio between the areas of a part and of the next smaller part in `Parts.part`
-# At level 0, a handle moves a part only if a candidate has this saliency (`Hierarchy.saliency`). On balls, saliency is at
+# At level 0, a handle moves a part only if a candidate has this saliency (`Hierarchy.saliency`). On balls, it is at
 # most 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
@@ -35,11 +35,14 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 # 33 rigs (`python -m bench.quality borders`) from 36° to 33°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
 NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower bands make a step in lengthened legs
+# If a motion lengthens a limb, the band is wider only inside the part, so that the limb is stretched along its length.
+# The last END girths of the limb, such as a hoof, keep their shape. Parts that are shorter, such as heads, do too.
+END = 0.5
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
-# up to MARGIN × d beyond the band, and inside the part at most INNER_MARGIN times the distance of its inner end from the
-# border. Without smoothing, the mean fold of the rigs is 51°.
+# up to MARGIN × d beyond the band. Beyond its inner end, this is limited to INNER_MARGIN times the distance of this end
+# from the border. Without smoothing, the mean fold of the rigs is 51°.
 SMOOTHING, STEPS, MARGIN, INNER_MARGIN = 0.6, 2, 1.2, 0.5
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
@@ -59,6 +62,16 @@ class Part:
         return np.flatnonzero(self.mask)
 
 
+class Band(NamedTuple):
+    """The width of a blend band, and the least distance of its inner end from the border, in widths at rest."""
+
+    width: float = 1.0
+    inner_end: float = 0.0
+
+
+AT_REST = Band()
+
+
 class Border(NamedTuple):
     """The border of the part's connected component at the handle, and the sizes of the blend band there.
 
@@ -69,21 +82,23 @@ class Border(NamedTuple):
     direction: Float64  # (3,) unit vector from the border to the component's middle; 0 for a trunk (`MOST_BORDERS`)
     rest: float  # width of the blend band at rest
     outward: float  # largest distance of the band's outer end from the border
-    inward: float  # largest distance of the band's inner end from the border
+    inward: float  # largest distance of the band's inner end from the border, except in lengthened limbs
+    lengthened: float  # largest distance of the band's inner end from the border in lengthened limbs
 
-    def band(self, affine: Float64) -> float:
-        """Return the width of the blend band, divided by its width at rest, for a part that `affine` (3, 4) moves.
+    def band(self, affine: Float64) -> Band:
+        """Return the blend band for a part that `affine` (3, 4) moves.
 
         If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
-        along `direction`, or within 10° of it (`SLANT`), do not count: they only lengthen the limb.
+        along `direction`, or within 10° of it (`SLANT`), lengthen the limb. They only move the band's inner end.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         along = (moved @ self.direction).clip(0.0)
         with np.errstate(over="ignore"):  # after an overflow, the band has its largest width
             across = np.linalg.norm(moved - along[:, None] * self.direction, axis=1) - SLANT * along
-            least = LEAST_WIDTH * across.max(initial=0.0)
-        ratio = min(least, self.outward + self.inward) / self.rest
-        return float(2.0 ** np.ceil(np.log2(max(ratio, NARROWEST))))
+            width, inner_end = LEAST_WIDTH * across.max(initial=0.0), LEAST_WIDTH * along.max(initial=0.0)
+        widths = min(width, self.outward + self.inward), min(inner_end, self.lengthened)
+        width, inner_end = 2.0 ** np.ceil(np.log2(np.maximum(np.array(widths) / self.rest, NARROWEST)))
+        return Band(float(width), float(inner_end) if inner_end > NARROWEST else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +153,10 @@ class Parts:
         mask[vertex] = True  # the interpolation can exclude it from a small part
         return self._part(inside, mask, vertex)
 
-    def grip(self, at: Any, level: int = 0, band: float = 1.0) -> Grip | None:
+    def grip(self, at: Any, level: int = 0, band: Band = AT_REST) -> Grip | None:
         """Return the part that a handle at a place moves, or None if there is no part, such as level 0 on a ball.
 
-        `level` is as in `part`, and `band` is the width of the blend band, divided by its width at rest.
+        `level` is as in `part`.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -154,18 +169,20 @@ class Parts:
         side = self._snapped(inside, vertex)
         depth, ends = _depth(patches, side)
         component, nearest, own = _component_of_node(patches, inside, side, patch)
-        rest = patches.size * min(REST, girth(patches, inside) * REST_OF_GIRTH)
+        around = girth(patches, inside)
+        rest = patches.size * min(REST, around * REST_OF_GIRTH)
         # The band ends nearer to the border in components that are shorter than the one at the handle.
         deepest = np.zeros(max(own, nearest.max()) + 1)
         np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
         inward = np.maximum(INWARD * deepest, rest / 2)
+        lengthened = np.maximum(deepest - END * around * patches.size, 0.0)
         center = patches.nodes.center
         points, direction = center[ends[nearest[ends] == own]], np.zeros(3)
         components, borders = components_and_borders(patches, inside)
         if borders <= MOST_BORDERS * len(components) and len(points):
             direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
-        border = Border(points, direction, rest, OUTWARD * rest, float(inward[own]))
-        within = _blended(patches, depth, border, band, inward[nearest])
+        border = Border(points, direction, rest, OUTWARD * rest, float(inward[own]), float(lengthened[own]))
+        within = _blended(patches, depth, border, band, inward[nearest], lengthened[nearest])
         # If the handle lies in the blend band, the weights are scaled so that the vertex of the handle has weight 1.
         weights = patches.nodes.interpolated(within.astype(np.float32))
         scale = max(weights[vertex], np.float32(0.01))
@@ -293,16 +310,18 @@ def _component_of_node(patches: Patches, inside: Bool, side: Bool, own: int) -> 
     return component, nearest, here
 
 
-def _blended(patches: Patches, depth: Float64, border: Border, band: float, inward: Float64) -> Float64:
+def _blended(
+    patches: Patches, depth: Float64, border: Border, band: Band, inward: Float64, lengthened: Float64
+) -> Float64:
     """Return weights (N,) of mesh nodes that fall from 1 to 0 in the blend band.
 
-    `depth` (N,) is the result of `_depth`, and `band` is as in `Parts.grip`. `inward` (N,) is `Border.inward` for the
+    `depth` (N,) is the result of `_depth`. `inward` and `lengthened` (N,) are the attributes of `Border` for the
     component that contains each node.
     """
-    outward = min(band * border.rest / 2, border.outward)
-    width = outward + min(band * border.rest - outward, border.inward)
-    inward = np.minimum(width - outward, inward)
-    at_border = outward / width
+    outward = min(band.width * border.rest / 2, border.outward)
+    rest_of_width, inner_end = band.width * border.rest - outward, band.inner_end * border.rest
+    at_border = outward / (outward + max(min(rest_of_width, border.inward), min(inner_end, border.lengthened)))
+    inward = np.maximum(np.minimum(rest_of_width, inward), np.minimum(inner_end, lengthened))
     weights = np.where(depth < 0, at_border * (1 + depth / outward), at_border + (1 - at_border) * depth / inward)
     np.clip(weights, 0.0, 1.0, out=weights)
     beyond, area = MARGIN * outward, patches.node_area

@@ -15,7 +15,7 @@ from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Border, Grip
 
-NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5)
+NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5, 0.0)
 SIDE = 41  # number of vertices along one side of a sheet
 
 

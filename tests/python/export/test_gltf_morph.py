@@ -30,7 +30,7 @@ def test_a_target_for_each_handle_adds_up_to_the_edit(session, tmp_path):
 
 
 def test_key_poses_are_targets_of_an_animation(session, tmp_path):
-    one = session.add(40, translation=(1, 0.2, 0))  # far, so the blend band is as wide as in the key pose
+    one = session.add(40, rotation=(0, 160, 0))  # far, so the blend band is as wide as in the key pose
     poses = [dfd.KeyPose(0, {}), dfd.KeyPose(1.5, {one: Transform(rotation=(0, 200, 0))}, "turned")]
     report = dfd.export_rig(session, tmp_path / "morph.glb", form="morph", poses=poses)
     assert report.targets == 3

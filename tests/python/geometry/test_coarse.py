@@ -55,7 +55,7 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     component[on_hill] = connected_components(nodes.graph[on_hill][:, on_hill], directed=False)[1]
     whole = np.ones(len(weights), np.float32)
     grip = Grip(
-        whole, np.ones(len(component), np.float32), component, Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5)
+        whole, np.ones(len(component), np.float32), component, Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5, 0.0)
     )
     tracemalloc.start()
     try:

@@ -8,7 +8,7 @@ import trimesh
 from made_field import field_of
 
 import dfd
-from dfd.segmentation.parts import MARGIN, Parts
+from dfd.segmentation.parts import AT_REST, MARGIN, Band, Parts
 from dfd.segmentation.patches import Distal, Patches
 
 
@@ -129,7 +129,7 @@ def test_vertices_at_one_position_belong_to_one_part(chair):
 
 def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
-    held = chair_parts.grip(foot_of(chair), band=4.0).weights
+    held = chair_parts.grip(foot_of(chair), band=Band(4.0)).weights
     assert held.dtype == np.float32
     assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
@@ -143,7 +143,7 @@ def test_the_weights_of_a_grip_are_1_in_the_part_and_fall_to_0_in_a_narrow_band(
 def test_the_blend_band_is_smooth_and_ends_near_the_border(chair, chair_parts, band):
     """The slope between neighboring vertices changes little, and only vertices near the legs have weights above 0."""
     legs = chair.labels == chair.parts.index("leg")
-    grip = chair_parts.grip(foot_of(chair), band=band)
+    grip = chair_parts.grip(foot_of(chair), band=Band(band))
     held, border, vertices = grip.weights, grip.border, chair.mesh.vertices
     assert held[foot_of(chair)] == 1
     away = np.linalg.norm(vertices[:, None] - vertices[legs][None], axis=2).min(axis=1)
@@ -155,6 +155,23 @@ def test_the_blend_band_is_smooth_and_ends_near_the_border(chair, chair_parts, b
         width = outward + min(band * border.rest - outward, border.inward)
         slope = np.abs(held[one] - held[other]) / np.linalg.norm(vertices[one] - vertices[other], axis=1)
         assert np.quantile(slope[slope > 0], 0.99) < 1.2 / width
+
+
+def test_a_lengthened_leg_is_stretched_along_its_length_and_its_end_keeps_its_shape(chair, chair_parts):
+    foot, leg = foot_of(chair), chair.vertices_of("leg", 0)
+    border = chair_parts.grip(foot).border
+    pulled = border.band(np.column_stack([np.eye(3), 0.2 * chair.mesh.diagonal * border.direction]))
+    assert border.band(np.eye(3, 4)).inner_end == AT_REST.inner_end == 0
+    assert pulled.width == border.band(np.eye(3, 4)).width
+    held, narrow = (chair_parts.grip(foot, band=band).weights for band in (pulled, Band(pulled.width)))
+    height = chair.mesh.vertices[leg, 1]
+    share = (height - height.min()) / np.ptp(height)
+    upper, end = np.abs(share - 0.7) < 0.1, share < 0.1
+    assert narrow[leg[upper]].mean() > 0.95
+    assert held[leg[upper]].mean() < 0.85
+    assert (held[leg[end]] > 0.95).all()
+    outside = chair.labels != chair.parts.index("leg")
+    assert held[outside].max() <= narrow[outside].max()
 
 
 def test_the_border_of_every_part_has_points(chair, chair_parts):
@@ -177,11 +194,11 @@ def test_a_narrow_strip_with_other_features_is_no_part():
 
 
 def test_the_weight_at_a_handle_in_the_blend_band_is_1(chair, chair_parts):
-    held = chair_parts.grip(foot_of(chair), band=16.0).weights
+    held = chair_parts.grip(foot_of(chair), band=Band(16.0)).weights
     in_band = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
     assert len(in_band)
     for vertex in in_band[::7]:
-        own = chair_parts.grip(vertex, band=16.0).weights
+        own = chair_parts.grip(vertex, band=Band(16.0)).weights
         assert own[vertex] == 1
         assert own.max() == 1
 

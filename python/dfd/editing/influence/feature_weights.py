@@ -15,6 +15,7 @@ from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import AT_REST, Band
 from dfd.weights.bind import bind
 
 # If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
@@ -28,7 +29,7 @@ class Key(NamedTuple):
     """Cache key: everything that changes a column of weights."""
 
     place: Place
-    band: float  # width of the blend band, as in `Grips.grip`
+    band: Band
     controls: Controls  # the controls that change the column
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality and radius
     exact: bool  # whether these distances are exact, see `_falloff`
@@ -55,7 +56,7 @@ class FeatureWeights:
     def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
         """Return the weights (V, H) of the handles of `edit`, read-only, and the key of each column.
 
-        The widths of the blend bands depend on the handles' transforms in `bands_of`, or in `edit` if it is None.
+        The blend bands depend on the handles' transforms in `bands_of`, or in `edit` if it is None.
         """
         bands = [self._grips.band(handle) for handle in (bands_of or edit).handles]
         keys = [self.key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
@@ -104,7 +105,7 @@ class FeatureWeights:
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
-        distances, power = self._falloff(self.key(handle, edit, 1.0))  # distances do not depend on the band
+        distances, power = self._falloff(self.key(handle, edit, AT_REST))  # distances do not depend on the band
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
@@ -133,8 +134,8 @@ class FeatureWeights:
             most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - most
 
-    def key(self, handle: Handle, edit: Edit, band: float) -> Key:
-        """Return the key of a handle's column. `band` is as in `Grips.grip`."""
+    def key(self, handle: Handle, edit: Edit, band: Band) -> Key:
+        """Return the key of a handle's column."""
         place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
         sources: list[int] = []
         if controls.locality > 0 or controls.radius is not None:

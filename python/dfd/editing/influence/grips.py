@@ -15,7 +15,7 @@ from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
-from dfd.segmentation.parts import Border, Grip, Parts
+from dfd.segmentation.parts import AT_REST, Band, Border, Grip, Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -53,36 +53,35 @@ class Grips:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
 
-    def grip(self, place: Place, level: int = 0, band: float = 1.0) -> Grip | None:
+    def grip(self, place: Place, level: int = 0, band: Band = AT_REST) -> Grip | None:
         """Return the part at a place, including all counterparts; None if there is no part, such as on a ball.
 
-        In the blend band, a strip along the border of the part, weights fall from 1 to 0. `band` is the width of this
-        strip, divided by its width at rest. `level` is as in `Parts.part`.
+        In the blend band, a strip along the part's border, weights fall from 1 to 0. `level` is as in `Parts.part`.
         """
         key = (place, level, band)
         return self._parts.get(key, lambda: self.parts.grip(self._rows.anchor(place), level, band))
 
-    def band(self, handle: Handle) -> float:
-        """Return the argument `band` of `grip` for a handle. At rest or without a part, it is 1."""
+    def band(self, handle: Handle) -> Band:
+        """Return the blend band of a handle's part."""
         if handle.controls.reach != "part" or np.array_equal(handle.matrix, IDENTITY):
-            return 1.0
+            return AT_REST
         key = (handle.place, handle.controls.level)
         border = self._borders.get(key, lambda: None if (grip := self.grip(*key)) is None else grip.border)
-        return 1.0 if border is None else border.band(handle.matrix)
+        return AT_REST if border is None else border.band(handle.matrix)
 
     def held(
-        self, place: Place, level: int, band: float, *, everywhere: bool = False, plane: SymmetryPlane | None = None
+        self, place: Place, level: int, band: Band, *, everywhere: bool = False, plane: SymmetryPlane | None = None
     ) -> Held:
         """Return the part and the counterparts at a place. If given, `plane` replaces the shape's planes of symmetry.
 
-        `level` and `band` are as in `grip`, `everywhere` as in `find_counterparts`.
+        `level` is as in `Parts.part`, and `everywhere` as in `find_counterparts`.
         """
 
         def find() -> Held:
             rows, grip = self._rows, self.grip(place, level, band)
             weights: Float32 = bind(rows.features, rows.points([place]))[:, 0]
             planes = [] if grip is None else self._planes if plane is None else [plane]
-            known = None if band == 1.0 else self.held(place, level, 1.0, everywhere=everywhere, plane=plane)
+            known = None if band == AT_REST else self.held(place, level, AT_REST, everywhere=everywhere, plane=plane)
             at, position = rows.anchor(place), place.position
             return find_counterparts(
                 self._mesh, weights, at, position, grip, planes, everywhere=everywhere, known=known
@@ -90,6 +89,6 @@ class Grips:
 
         return self._held.get((place, level, band, everywhere, plane), find)
 
-    def part(self, place: Place, level: int, band: float) -> Float32 | None:
+    def part(self, place: Place, level: int, band: Band) -> Float32 | None:
         """Return the weights of the part at a place, (V,), or None if there is no part."""
         return None if self.grip(place, level, band) is None else self.held(place, level, band).part

@@ -21,6 +21,7 @@ from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
+from dfd.segmentation.parts import AT_REST, Band
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
@@ -59,12 +60,12 @@ class HandleWeights:
         key = (keys, controls, edit.preset, edit.symmetry, self.allocating(edit))
         return self._made.get(key, lambda: self._columns(edit, weights, [each.band for each in keys]))
 
-    def _columns(self, edit: Edit, weights: Float32, bands: Sequence[float]) -> tuple[Float32, tuple[Column, ...]]:
+    def _columns(self, edit: Edit, weights: Float32, bands: Sequence[Band]) -> tuple[Float32, tuple[Column, ...]]:
         # With weights at rest, the decisions about columns do not depend on how far the handles move.
-        at_rest = weights if max(bands) == 1.0 else self.by_features.of(edit, _resting(edit))[0]
+        at_rest = weights if set(bands) == {AT_REST} else self.by_features.of(edit, _resting(edit))[0]
         portions, columns = self._split(edit, weights, at_rest, bands)
         if self.allocating(edit):
-            resting = portions if at_rest is weights else self._split(edit, at_rest, at_rest, [1.0] * len(bands))[0]
+            resting = portions if at_rest is weights else self._split(edit, at_rest, at_rest, [AT_REST] * len(bands))[0]
             portions, columns = self._allocated(edit, portions, columns, resting)
         made = np.zeros((len(columns), len(weights)), np.float32)
         for column, (vertices, values) in zip(made, portions, strict=True):
@@ -72,7 +73,7 @@ class HandleWeights:
         return made.T, tuple(columns)
 
     def _split(
-        self, edit: Edit, weights: Float32, at_rest: Float32, bands: Sequence[float]
+        self, edit: Edit, weights: Float32, at_rest: Float32, bands: Sequence[Band]
     ) -> tuple[list[Share], list[Column]]:
         """Return the columns of all handles, and their portions of `weights` (V, H)."""
         portions: list[Share] = []
@@ -103,7 +104,7 @@ class HandleWeights:
         number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
         moving = self.allocating(edit)
         others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        key = (self.by_features.key(handle, edit, 1.0), handle.controls, edit.preset, edit.symmetry, others, moving)
+        key = (self.by_features.key(handle, edit, AT_REST), handle.controls, edit.preset, edit.symmetry, others, moving)
 
         def find() -> list[HeldPart]:
             weights, columns = self.columns(edit, _resting(edit))
@@ -117,19 +118,19 @@ class HandleWeights:
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
-    def counterparts(self, edit: Edit, handle: Handle, band: float | None = None) -> list[tuple[Counterpart, bool]]:
+    def counterparts(self, edit: Edit, handle: Handle, band: Band | None = None) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
         Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
         this place, if the handle is at rest. If all shares there are 0, the nearest one is excluded. The first
-        counterpart always moves. If the control `counterparts` is "only", no other moves. `band` is as in `Grips.grip`.
-        If it is None, the handle's transform determines the width.
+        counterpart always moves. If the control `counterparts` is "only", no other moves. If `band` is None, it is that
+        of the handle's transform.
         """
         everywhere, level = handle.controls.reach != "part", handle.controls.level
         band = self.grips.band(handle) if band is None else band
         found, resting = (
             self.grips.held(handle.place, level, each, everywhere=everywhere, plane=edit.symmetry).counterparts
-            for each in (band, 1.0)
+            for each in (band, AT_REST)
         )
         on = [True] + [handle.controls.counterparts != "only"] * (len(found) - 1)
         for place in handle.controls.excluded_counterparts:
@@ -189,7 +190,7 @@ class HandleWeights:
         return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
 
     def _portions(
-        self, edit: Edit, handle: Handle, weights: Float32, at_rest: Float32, band: float
+        self, edit: Edit, handle: Handle, weights: Float32, at_rest: Float32, band: Band
     ) -> list[tuple[Counterpart, Share]]:
         """Return the moving counterparts of a handle, and the portion of the handle's `weights` (V,) that each gets."""
         if not _needs_counterparts(handle, edit):
