@@ -22,7 +22,7 @@ ASIDE, BEHIND = 35.0, 215.0  # camera azimuths, degrees: front view turned 35° 
 FACES = 20_000  # number of faces of each sample
 FOOT = {"at": "bottom", "translation": (0.0, -0.35, 0.0), "name": "foot"}
 HOOF = {"at": "bottom", "translation": (0.0, -0.3, 0.0), "name": "hoof"}
-HORN = {"at": "top", "rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "name": "horn"}
+HORN = {"at": "top", "rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "level": -1, "name": "horn"}
 BACK = {"at": "top", "scale": (1.0, 1.5, 1.0), "translation": (0.0, 0.12, 0.0), "name": "back"}
 # For each sample, its edits: the title of a row of pictures, the name of the written files, and the handle.
 EDITS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {

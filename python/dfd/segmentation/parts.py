@@ -36,8 +36,9 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
 NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower bands make a step in lengthened legs
 # If a motion lengthens a limb, the band is wider only inside the part, so that the limb is stretched along its length.
-# The last END girths of the limb, such as a hoof, keep their shape. Parts that are shorter, such as heads, do too.
-END = 0.5
+# The last END girths of the limb, such as a hoof, keep their shape. So do parts that are shorter, such as heads. But if
+# the part has several components, such as legs, at most the fraction MOST_END of their length keeps its shape.
+END, MOST_END = 0.5, 0.4
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
@@ -175,10 +176,11 @@ class Parts:
         deepest = np.zeros(max(own, nearest.max()) + 1)
         np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
         inward = np.maximum(INWARD * deepest, rest / 2)
-        lengthened = np.maximum(deepest - END * around * patches.size, 0.0)
+        components, borders = components_and_borders(patches, inside)
+        end = np.minimum(END * around * patches.size, deepest * (MOST_END if len(components) > 1 else 1.0))
+        lengthened = deepest - end
         center = patches.nodes.center
         points, direction = center[ends[nearest[ends] == own]], np.zeros(3)
-        components, borders = components_and_borders(patches, inside)
         if borders <= MOST_BORDERS * len(components) and len(points):
             direction = unit((center[component == own].mean(axis=0) - points.mean(axis=0))[None])[0]
         border = Border(points, direction, rest, OUTWARD * rest, float(inward[own]), float(lengthened[own]))
