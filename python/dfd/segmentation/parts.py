@@ -32,7 +32,7 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 # If the part moves, the width is doubled until it is at least LEAST_WIDTH times the displacement of the border. Outside
 # the part, the band extends at most OUTWARD times its width at rest from the border. Inside the part, it extends at
 # most INWARD times the largest distance of the part's surface from the border. Twice OUTWARD reduces the mean fold of
-# 33 rigs (`python -m bench.quality borders`) from 36° to 33°, but legs then move the whole trunk.
+# 33 rigs (`python -m bench.quality borders`) from 35° to 32°, but legs then move the whole trunk.
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
 NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower bands make a step in lengthened legs
 # If a motion lengthens a limb, the band is wider only inside the part, so that the limb is stretched along its length.
@@ -43,7 +43,7 @@ SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
 # up to MARGIN × d beyond the band. Beyond its inner end, this is limited to INNER_MARGIN times the distance of this end
-# from the border. Without smoothing, the mean fold of the rigs is 51°.
+# from the border. Without smoothing, the mean fold of the rigs is 48°.
 SMOOTHING, STEPS, MARGIN, INNER_MARGIN = 0.6, 2, 1.2, 0.5
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
