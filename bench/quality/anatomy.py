@@ -26,7 +26,7 @@ LARGEST_MEANT = 0.6  # largest fraction of the surface area in a subtree that a 
 SMALLEST_JUDGED, LARGEST_JUDGED = 0.003, 0.4  # a joint gets handles if its subtree has an area fraction between these
 HANDLES = 3  # largest number of handles per joint
 HELD_WELL = 0.7  # a joint counts as held well if the mean soft IoU of its handles is at least this
-STEPS = 2  # number of levels, below and above 0, from which a user may choose
+STEPS = 2  # a user may choose among the levels from −STEPS to STEPS
 LEGEND = {
     "soft IoU": "Σ min(w, t) / Σ max(w, t) over the surface, for weights w and the best set t that a user may mean",
     "left behind": "the fraction of the area of the joint's subtree that does not follow the handle",

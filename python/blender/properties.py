@@ -58,6 +58,8 @@ for name, (kind, said) in about(Controls).items():
     elif words := words_of(kind):
         items = [(word, word.capitalize(), "") for word in words]
         PROPERTIES[name] = bpy.props.EnumProperty(**how, items=items, default=default)
+    elif kind is int:
+        PROPERTIES[name] = bpy.props.IntProperty(**how, default=default)
     elif kind is bool:
         PROPERTIES[name] = bpy.props.BoolProperty(**how, default=default)
     else:

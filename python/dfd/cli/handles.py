@@ -50,6 +50,8 @@ def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
     found = []
     for texts in context.meta[HANDLES]:
         given = {name: text if name in ("handle", "name") else value_of(text) for name, text in texts.items()}
+        if isinstance(given.get("level"), float) and given["level"].is_integer():
+            given["level"] = int(given["level"])
         if 0.0 in np.ravel(given.get("scale", 1.0)):
             raise ValueError(f"`--scale` must not be 0, which flattens the held part, got {texts['scale']}")
         place = given.pop("handle", None)
@@ -65,7 +67,7 @@ def value_of(value: Any) -> Any:
     parts = value.split(",") if isinstance(value, str) else []
     if not parts or not all(map(is_number, parts)):
         return value
-    numbers = [int(part) if part.lstrip("+-").isdecimal() else float(part) for part in parts]
+    numbers = [float(part) for part in parts]
     return numbers if len(numbers) > 1 else numbers[0]
 
 

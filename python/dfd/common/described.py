@@ -134,7 +134,8 @@ def check_fields(value: Any) -> None:
             )
             object.__setattr__(value, name, number)
         elif int in kinds and said is not None:
-            check.whole(function, name, given, minimum=None if said.minimum is None else int(said.minimum))
+            least = None if said.minimum is None else int(said.minimum)
+            object.__setattr__(value, name, check.whole(function, name, given, minimum=least))
         elif str in kinds and not (isinstance(given, str) and given):
             raise ArgumentError(name, f"must be a text that is not empty, got {given!r}", function)
         elif words and isinstance(words[0], str):

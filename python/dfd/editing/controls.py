@@ -79,8 +79,8 @@ class Controls(Brief):
     level: Annotated[
         int,
         About(
-            'With the reach "part": 0 moves the part that is most likely meant, −1, −2, … smaller parts in it, '
-            "1, 2, … larger parts around it.",
+            'Size of the part that the reach "part" moves: 0 for the most likely part, −1, −2, … for smaller parts, '
+            "1, 2, … for larger parts.",
             metavar="N",
         ),
     ] = 0

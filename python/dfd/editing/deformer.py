@@ -195,7 +195,7 @@ class Deformer(History):
 
         The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
         With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's border.
-        The band gets wider if the border moves. If the motion lengthens a limb, it gets wider only inside the limb.
+        The band widens if the border moves, but only inside the limb if the motion lengthens it.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """

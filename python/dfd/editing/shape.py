@@ -1,5 +1,6 @@
 """Pose the vertices of an edit. During a drag, only the handles that move are computed."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,20 +11,21 @@ from dfd.editing.influence.counterparts import Column
 from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
+from dfd.segmentation.parts import Band
 
 
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
     A `dfd.Drag` stores the displacements by all handles that do not move. It is used if an edit changes only the
-    transforms of at most half of the handles, and the widths of the blend bands (`Grips.band`) stay equal.
+    transforms of at most half of the handles, and the blend bands (`Grips.band`) stay equal.
     """
 
-    def __init__(self, mesh: Mesh, weights: HandleWeights, bands_of: Edit | None = None) -> None:
-        """Store the arguments. If `bands_of` is given, its transforms determine the widths of all blend bands."""
+    def __init__(self, mesh: Mesh, weights: HandleWeights, bands: Sequence[Band] | None = None) -> None:
+        """Store the arguments. `bands` are the blend bands of the handles; if it is None, transforms determine them."""
         self._mesh = mesh
         self._weights = weights
-        self._bands_of = bands_of
+        self._bands = bands
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: Drag | None = None
@@ -39,7 +41,7 @@ class PosedShape:
 
     def _posed(self, edit: Edit) -> Float64:
         moved = _moved(self._edit, edit)
-        if moved and self._bands_of is None:
+        if moved and self._bands is None:
             bands = [[self._weights.grips.band(each.handles[i]) for i in moved] for each in (self._edit, edit)]
             moved = moved if bands[0] == bands[1] else None
         if moved == []:
@@ -48,7 +50,7 @@ class PosedShape:
             self._drag = None
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
         if self._drag is None or not self._moving.keys() >= set(moved):
-            weights, columns = self._weights.columns(edit, self._bands_of)
+            weights, columns = self._weights.columns(edit, self._bands)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
@@ -60,7 +62,7 @@ class PosedShape:
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
-        weights, columns = self._weights.columns(edit, self._bands_of)
+        weights, columns = self._weights.columns(edit, self._bands)
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
+from dfd.segmentation.parts import Band
 from dfd.symmetry.plane import SymmetryPlane
 
 BATCH = 1 << 14  # vertices per batch; batches avoid a second array as large as all weights
@@ -87,10 +88,11 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
         for handle in edit.handles
     }
-    # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest width needed.
-    moved = ([replace(handle, transform=each) for each in moves[handle.id]] for handle in edit.handles)
-    widest = replace(edit, handles=tuple(max(each, key=session.bound.grips.band) for each in moved))
-    weights, columns = session.bound.columns(edit, widest)
+    # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest sizes needed.
+    band = session.bound.grips.band
+    needed = ([band(replace(handle, transform=each)) for each in moves[handle.id]] for handle in edit.handles)
+    bands = [Band(*map(max, *each)) if len(each) > 1 else each[0] for each in needed]
+    weights, columns = session.bound.columns(edit, bands)
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far
     joints = [Joint(names.unique("root"), None, center, origin, np.eye(3), np.eye(4))]
@@ -112,7 +114,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ below)
     of, sides = np.array(of_column, int), np.array(mirrored, bool)
-    posed = PosedShape(session.mesh, session.bound, widest)
+    posed = PosedShape(session.mesh, session.bound, bands)
     return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
 
 

@@ -290,7 +290,7 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
 
 
 def girth(patches: Patches, inside: Bool) -> float:
-    """Return the mean length of a part's borders, in diagonals of the box, such as the girth of a limb at its base.
+    """Return the mean length of a part's borders, in diagonals of the box. Example: the girth of a limb at its base.
 
     `inside` (P,) is True for the patches of the part. The girth of a part without borders is the side of a square with
     the area of the part.
@@ -301,7 +301,7 @@ def girth(patches: Patches, inside: Bool) -> float:
 
 
 def _girth(patches: Patches, length: float, share: float, borders: int) -> float:
-    """Return the girth of a part with a number of `borders` of total `length`, and a `share` of the surface."""
+    """Return the girth of a part from the total `length` and the number of its borders, and its share of the area."""
     return (length or float(np.sqrt(share * patches.node_area.sum()))) / borders
 
 

@@ -14,15 +14,15 @@ from scipy.spatial import cKDTree
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64, unit
 from dfd.field.field import Field
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import SMALL_COMPONENT, components_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy, components_and_borders, girth
 from dfd.segmentation.patches import Patches
 
 LEAST_RATIO = 1.25  # smallest ratio between the areas of a part and of the next smaller part in `Parts.part`
-# At level 0, a handle moves a part only if a candidate has this saliency (`Hierarchy.saliency`). On balls, it is at
-# most 0.031.
+# At level 0, a handle moves a part only if a candidate has this saliency (`Hierarchy.saliency`). No candidate on a ball
+# exceeds 0.031.
 LEAST_SALIENCY = 0.033
 # In the blend band along a part's border, the weights of a `Grip` fall from 1 to 0. The girth of a part is the mean
 # length of its borders. At rest, the width of the band is the smaller of two numbers: REST times the diagonal of the
@@ -36,14 +36,14 @@ REST, REST_OF_GIRTH = 0.0125, 0.03125
 LEAST_WIDTH, OUTWARD, INWARD = 3.0, 8.0, 0.5
 NARROWEST = 4.0  # smallest width of a moving band, in widths at rest: narrower bands make a step in lengthened legs
 # If a motion lengthens a limb, the band is wider only inside the part, so that the limb is stretched along its length.
-# The last END girths of the limb, such as a hoof, keep their shape. So do parts that are shorter, such as heads. But if
-# the part has several components, such as legs, at most the fraction MOST_END of their length keeps its shape.
+# The outermost END girths of the limb, such as a hoof, keep their shape, and so do shorter parts, such as heads. Legs
+# can be short, too. So in parts with several components, at most MOST_END of each component's length keeps its shape.
 END, MOST_END = 0.5, 0.4
 SLANT = 0.18  # tangent of 10°: the legs of a chair are not exactly parallel to the motion that lengthens them
 # The weights in and near the band are smoothed along the surface, by STEPS implicit time steps of the heat equation,
 # each (SMOOTHING × d)² long. Here, d is the distance of the band's outer end from the border. The steps change weights
-# up to MARGIN × d beyond the band. Beyond its inner end, this is limited to INNER_MARGIN times the distance of this end
-# from the border. Without smoothing, the mean fold of the rigs is 48°.
+# up to MARGIN × d beyond the band, but inside at most INNER_MARGIN times the depth of its inner end beyond this end.
+# Without smoothing, the mean fold of the rigs is 48°.
 SMOOTHING, STEPS, MARGIN, INNER_MARGIN = 0.6, 2, 1.2, 0.5
 MOST_BORDERS = 1.5  # if components have more borders on average, `Border.direction` is 0; an example is a trunk
 
@@ -90,7 +90,7 @@ class Border(NamedTuple):
         """Return the blend band for a part that `affine` (3, 4) moves.
 
         If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
-        along `direction`, or within 10° of it (`SLANT`), lengthen the limb. They only move the band's inner end.
+        along `direction`, or within 10° of it (`SLANT`), lengthen the limb. These only move the band's inner end.
         """
         moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
         along = (moved @ self.direction).clip(0.0)
@@ -127,7 +127,7 @@ class Parts:
         return f"Parts({self._mesh!r})"
 
     def part(self, at: Any, level: int = 0, *, alike: bool = True) -> Part:
-        """Return the part at a place. It includes regions that would be cut off without it, such as a leg's hoof.
+        """Return the part at a place.
 
         Parameters
         ----------
@@ -135,8 +135,8 @@ class Parts:
             A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
             0 is the part that a user most likely means. −1, −2, … are smaller parts inside it, and 1, 2, … are larger
-            parts that contain it. Levels below 0 can also be parts without the regions that they would cut off. A level
-            beyond the smallest or the largest part stands for that part.
+            parts that contain it. At levels from 0 up, the part includes regions that would be cut off without it, such
+            as a leg's hoof. A level beyond the smallest or the largest part stands for that part.
         alike
             Whether the part includes its counterparts, such as the other legs. False gives one connected component.
 
@@ -151,7 +151,8 @@ class Parts:
             inside = component == component[patch]
         nodes = self._snapped(inside, vertex)
         mask = self._at_vertices([~nodes, nodes]) == 1
-        mask[vertex] = True  # the interpolation can exclude it from a small part
+        first = first_at_place(self._mesh)
+        mask |= first == first[vertex]  # the interpolation can exclude the vertex from a small part
         return self._part(inside, mask, vertex)
 
     def grip(self, at: Any, level: int = 0, band: Band = AT_REST) -> Grip | None:
@@ -165,7 +166,8 @@ class Parts:
         tree, patches = self._hierarchy, self._patches
         patch = int(patches.of_vertex[vertex])
         inside = self._inside(patch, level)
-        if inside.all() or (not level and max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY):
+        unclear = max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY
+        if inside.all() or (unclear and np.array_equal(inside, self._inside(patch, 0))):
             return None
         side = self._snapped(inside, vertex)
         depth, ends = _depth(patches, side)
@@ -226,6 +228,8 @@ class Parts:
         tree, area = self._hierarchy, self._patches.area
         nodes, held = tree.candidates(patch), tree.held(patch)
         found, number = tree.closed(held), nodes.index(held)
+        if level == 0:
+            return found
         sets = [tree.closed(node) for node in nodes[number + 1 :]]
         if level < 0:
             sets = [inside for node in nodes[number::-1] for inside in (tree.closed(node), tree.inside[node])]
@@ -296,10 +300,10 @@ def _depth(patches: Patches, side: Bool) -> tuple[Float64, Int64]:
 
 
 def _component_of_node(patches: Patches, inside: Bool, side: Bool, own: int) -> tuple[Int64, Int64, int]:
-    """Return the index of the part's connected component at each mesh node, twice (N,), and the index at patch `own`.
+    """Return `Grip.component` (N,), a copy of it without gaps (N,), and the index of the component at patch `own`.
 
-    `inside` (P,) and `side` (N,) are the part's patches and mesh nodes. The first array is `Grip.component`. In the
-    second, nodes of the part at borders that `snapped` moved outwards have the index of the nearest component.
+    `inside` (P,) and `side` (N,) are the part's patches and mesh nodes. In the copy, nodes of the part at borders that
+    `snapped` moved outwards have the index of the nearest component.
     """
     component = components_of(patches, inside)
     here = int(component[own])

@@ -79,6 +79,14 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
         answer = page.ask("take_part", handle=handle, how="larger")
     assert "no larger part" in answer["message"]
     assert deformer.part(vertex, level=level()) == deformer.part(vertex, level=20)
+    top = level()
+    page.ask("change", handle=handle, controls={"level": 1000, "reach": 0.5})
+    page.ask("take_part", handle=handle, how="smaller")
+    assert level() == top - 1, "levels beyond the largest part stand for it"
+    assert page.last("state")["handles"][0]["reach_by"] == "part"
+    page.ask("take_part", vertex=vertex, handle=handle, how="add")
+    assert (level(), held()) == (0, len(deformer.part(vertex, level=top - 1).indices))
+    page.ask("undo")
     while level() > 0:
         page.ask("take_part", handle=handle, how="smaller")
 

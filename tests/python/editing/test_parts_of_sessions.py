@@ -30,7 +30,7 @@ def test_a_handle_moves_the_part_of_its_level(mesh, field):
         moved = session.following[:, 0] > 0.5
         own = np.isin(np.arange(len(moved)), region.indices)
         assert (moved & own).sum() > 0.9 * (moved | own).sum()
-    session.change(held, level=-1)
+    session.change(held, level=np.int64(-1))
     written = to_document(session.edit, session.mesh)
     assert from_document(written, session.mesh).handles[0].controls.level == -1
     with pytest.raises(ValueError, match="Deformer.change: `level` must be a whole number, got 'large'"):

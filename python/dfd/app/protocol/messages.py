@@ -128,10 +128,7 @@ class ControlEntry(Model):
 
 
 def control_entries() -> tuple[ControlEntry, ...]:
-    """Return the entries of all controls whose values are not places or regions, then the entry of the preset.
-
-    `level` has no entry: the page has buttons for it.
-    """
+    """Return the entries of the controls that the page shows as fields, then the entry of the preset."""
     entries = []
     for name, (kind, said) in {**about(controls.Controls), "preset": about(Edit)["preset"]}.items():
         if said is None or said.repeated or name in ("mask", "level"):

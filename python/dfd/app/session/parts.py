@@ -27,7 +27,7 @@ class ShapeParts:
 
     @property
     def ways(self) -> tuple[PartChange, ...]:
-        """Return the changes of a region that this shape allows. For example, "material" needs several materials."""
+        """Return the changes that this shape allows. For example, "material" needs several materials."""
         several = (name for name, label in self._labels.items() if label.min() < label.max())
         return ("smaller", "larger", "add", "remove", *several)
 
@@ -52,44 +52,48 @@ class ShapeParts:
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> dict[str, Any]:
         """Return the arguments of `Deformer.change` for the change `how` of a handle's part or region.
 
-        "smaller" and "larger" change the level, all others the region. "add" and "remove" add or remove the part at
-        `vertex`. If the mask is the handle's part or region, it changes too.
+        "smaller" and "larger" change the level, and set the reach to "part". All others change the region, and set the
+        level to 0. "add" and "remove" add or remove the part at `vertex`. If the mask is the handle's part or region,
+        it changes too.
 
         Raises ValueError if there is no such part, `vertex` is missing, or the region would be empty.
         """
-        given: dict[str, Any] = {}
-        if how in ("smaller", "larger"):
-            place, level = handle.place, handle.controls.level
-            at = self._deformer.bound.rows.anchor(place)
-            if isinstance(place.region, VertexSet):
-                given["at"] = at = self._origins.get(place.region, at)
-            given["level"] = level + (1 if how == "larger" else -1)
-            found = self.at(at, given["level"])
-            if found == self.at(at, level):
-                raise ValueError(f"There is no {how} part here")
+        step, origin = {"smaller": -1, "larger": 1}.get(how), self._origin(handle)
+        if step is None:
+            found = self._region(handle, how, vertex)
+            self._origins[found] = origin
+            given: dict[str, Any] = {"at": found, "level": 0}
         else:
-            given["at"] = found = self._region(handle, how, vertex)
+            # Levels beyond the smallest or the largest part stand for that part.
+            level, away = 0, 1 if handle.controls.level > 0 else -1
+            while level != handle.controls.level and self.at(origin, level) != self.at(origin, level + away):
+                level += away
+            found = self.at(origin, level + step)
+            if found == self.at(origin, level):
+                raise ValueError(f"There is no {how} part here")
+            given = {"level": level + step, "reach": "part"}
+            if isinstance(handle.place.region, VertexSet):
+                given["at"] = origin
         if self.limits(handle):
             given["mask"] = found
         return given
 
+    def _origin(self, handle: Handle) -> int:
+        """Return the vertex of a handle, or the vertex at which its region was found."""
+        anchor, region = self._deformer.bound.rows.anchor(handle.place), handle.place.region
+        return self._origins.get(region, anchor) if isinstance(region, VertexSet) else anchor
+
     def _region(self, handle: Handle, how: PartChange, vertex: int | None) -> VertexSet:
         """Return a handle's region after the change `how`, which is not "smaller" or "larger"."""
-        mesh = self._mesh
-        if how in ("add", "remove"):
-            if vertex is None:
-                raise ValueError(f"To {how} a part, give a vertex of the part")
-            own, part = members(mesh, self.of(handle)), self.at(vertex).indices
-            chosen = np.union1d(own, part) if how == "add" else np.setdiff1d(own, part)
-            if len(chosen) == 0:
-                raise ValueError("The handle would move nothing: remove the handle instead")
-            return VertexSet.of(mesh, chosen)
-        region, origin = handle.place.region, self._deformer.bound.rows.anchor(handle.place)
-        if isinstance(region, VertexSet):
-            origin = self._origins.get(region, origin)
-        found = self._unit(origin, how)
-        self._origins[found] = origin
-        return found
+        if how not in ("add", "remove"):
+            return self._unit(self._origin(handle), how)
+        if vertex is None:
+            raise ValueError(f"To {how} a part, give a vertex of the part")
+        own, part = members(self._mesh, self.of(handle)), self.at(vertex).indices
+        chosen = np.union1d(own, part) if how == "add" else np.setdiff1d(own, part)
+        if len(chosen) == 0:
+            raise ValueError("The handle would move nothing: remove the handle instead")
+        return VertexSet.of(self._mesh, chosen)
 
     def _unit(self, vertex: int, how: PartChange) -> VertexSet:
         """Return all vertices of the scene part, material or connected component at a vertex."""

@@ -166,7 +166,7 @@ def move(
     """Set values of a handle's transform, relative to the resting shape.
 
     Each `move` of a drag except the first has `merge`, so the drag is one step of undo. After a `move` with `merge`,
-    the server sends `state` only if `controls` or the width of the blend band change, or if `settle` is true. The last
+    the server sends `state` only if `controls` or the blend band change, or if `settle` is true. The last
     `move` of a drag has `settle`.
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)

@@ -92,7 +92,7 @@ def find_counterparts(
     `weights` (V,) are the handle's weights by features alone (Eq. 4 and 5). `grip` is the part at the handle, and each
     of its components has one counterpart. `planes` are the planes of symmetry of the shape. `everywhere` must be True
     if the handle's weights do not end at the part's border. Otherwise, the shares outside the part are 0. `known` is
-    the result for another width of the part's blend band: then only shares and the part's weights are computed.
+    the result for another blend band of the part: then only shares and the part's weights are computed.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3), float(weights[vertex]))]

@@ -1,5 +1,6 @@
 """Compute one column of weights for each handle from features (Eq. 4 to 7), and keep it until its inputs change."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,12 +54,13 @@ class FeatureWeights:
         self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
         self._reaches: dict[tuple[Place, int], float] = {}  # keys: the place and the level
 
-    def of(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Key, ...]]:
+    def of(self, edit: Edit, bands: Sequence[Band] | None = None) -> tuple[Float32, tuple[Key, ...]]:
         """Return the weights (V, H) of the handles of `edit`, read-only, and the key of each column.
 
-        The blend bands depend on the handles' transforms in `bands_of`, or in `edit` if it is None.
+        `bands` are the blend bands of the handles. If it is None, the handles' transforms determine them.
         """
-        bands = [self._grips.band(handle) for handle in (bands_of or edit).handles]
+        if bands is None:
+            bands = [self._grips.band(handle) for handle in edit.handles]
         keys = [self.key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
         if keys != self._keys:
             row_of = {key: row for row, key in enumerate(self._keys)}

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
-from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import AT_REST, Band
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
@@ -48,12 +46,12 @@ class HandleWeights:
         self._held_parts: Recent[list[HeldPart]] = Recent(64)
         self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
 
-    def columns(self, edit: Edit, bands_of: Edit | None = None) -> tuple[Float32, tuple[Column, ...]]:
+    def columns(self, edit: Edit, bands: Sequence[Band] | None = None) -> tuple[Float32, tuple[Column, ...]]:
         """Return the weights (V, C), one or more columns per handle, and the handle and counterpart of each column.
 
-        `bands_of` is as in `FeatureWeights.of`.
+        `bands` is as in `FeatureWeights.of`.
         """
-        weights, keys = self.by_features.of(edit, bands_of)
+        weights, keys = self.by_features.of(edit, bands)
         if not any(_needs_counterparts(handle, edit) for handle in edit.handles):
             return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
         controls = tuple(handle.controls for handle in edit.handles)
@@ -62,7 +60,7 @@ class HandleWeights:
 
     def _columns(self, edit: Edit, weights: Float32, bands: Sequence[Band]) -> tuple[Float32, tuple[Column, ...]]:
         # With weights at rest, the decisions about columns do not depend on how far the handles move.
-        at_rest = weights if set(bands) == {AT_REST} else self.by_features.of(edit, _resting(edit))[0]
+        at_rest = weights if set(bands) == {AT_REST} else self.by_features.of(edit, [AT_REST] * len(bands))[0]
         portions, columns = self._split(edit, weights, at_rest, bands)
         if self.allocating(edit):
             resting = portions if at_rest is weights else self._split(edit, at_rest, at_rest, [AT_REST] * len(bands))[0]
@@ -107,7 +105,7 @@ class HandleWeights:
         key = (self.by_features.key(handle, edit, AT_REST), handle.controls, edit.preset, edit.symmetry, others, moving)
 
         def find() -> list[HeldPart]:
-            weights, columns = self.columns(edit, _resting(edit))
+            weights, columns = self.columns(edit, [AT_REST] * len(edit.handles))
             own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
             return held_parts(self.mesh, self._axes, self.rows.anchor(handle.place), own, edit.symmetry)
 
@@ -123,10 +121,11 @@ class HandleWeights:
 
         Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
         this place, if the handle is at rest. If all shares there are 0, the nearest one is excluded. The first
-        counterpart always moves. If the control `counterparts` is "only", no other moves. If `band` is None, it is that
-        of the handle's transform.
+        counterpart always moves. If the control `counterparts` is "only", no other moves. If `band` is None, the
+        handle's transform determines it.
         """
-        everywhere, level = handle.controls.reach != "part", handle.controls.level
+        everywhere = handle.controls.reach != "part"
+        level = 0 if everywhere else handle.controls.level
         band = self.grips.band(handle) if band is None else band
         found, resting = (
             self.grips.held(handle.place, level, each, everywhere=everywhere, plane=edit.symmetry).counterparts
@@ -205,11 +204,6 @@ class HandleWeights:
             resting = [float(at_rest[one.vertex]) for one in counterparts]
             portions = _equalized(weights, counterparts, portions, near, resting)
         return [(one, portion) for (one, moves), portion in zip(found, portions, strict=True) if moves]
-
-
-def _resting(edit: Edit) -> Edit:
-    """Return `edit` with all handles at rest."""
-    return replace(edit, handles=tuple(replace(each, transform=Transform()) for each in edit.handles))
 
 
 def _is_split(handle: Handle) -> bool:

@@ -37,7 +37,7 @@ def read_off(data: bytes) -> Geometry:
     counts, rest = (first, lines[1:]) if first else (lines[1].split() if len(lines) > 1 else [], lines[2:])
     if len(counts) < 2 or not all(each.isdecimal() for each in counts[:2]):
         found = shortened(" ".join(counts)) if counts else "nothing"
-        raise ValueError(f"it does not state its numbers of vertices and faces, got {found}")
+        raise ValueError(f"it must state its numbers of vertices and faces, got {found}")
     vertex_count, face_count = int(counts[0]), int(counts[1])
     if len(rest) < vertex_count + face_count:
         raise ValueError(
