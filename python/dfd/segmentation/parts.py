@@ -92,13 +92,13 @@ class Border(NamedTuple):
         If the border moves farther, the band is wider, so that the surface in the band is less steep. Displacements
         along `direction`, or within 10° of it (`SLANT`), lengthen the limb. These only move the band's inner end.
         """
-        moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
-        along = (moved @ self.direction).clip(0.0)
-        with np.errstate(over="ignore"):  # after an overflow, the band has its largest width
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = self.points @ affine[:, :3].T + affine[:, 3] - self.points
+            along = (moved @ self.direction).clip(0.0)
             across = np.linalg.norm(moved - along[:, None] * self.direction, axis=1) - SLANT * along
-            width, inner_end = LEAST_WIDTH * across.max(initial=0.0), LEAST_WIDTH * along.max(initial=0.0)
-        widths = min(width, self.outward + self.inward), min(inner_end, self.lengthened)
-        width, inner_end = 2.0 ** np.ceil(np.log2(np.maximum(np.array(widths) / self.rest, NARROWEST)))
+            needed = LEAST_WIDTH * np.array([across.max(initial=0.0), along.max(initial=0.0)])
+        widths = np.fmin(needed, (self.outward + self.inward, self.lengthened))  # after an overflow, the largest widths
+        width, inner_end = 2.0 ** np.ceil(np.log2(np.maximum(widths / self.rest, NARROWEST)))
         return Band(float(width), float(inner_end) if inner_end > NARROWEST else 0.0)
 
 

@@ -280,6 +280,20 @@ def test_the_blend_band_widens_if_a_motion_shears_or_shortens_the_limb(mesh, fie
     np.testing.assert_allclose(rig.posed(edit), session.vertices, atol=1e-6)
 
 
+def test_a_rig_stretches_a_lengthened_limb_although_another_pose_shears_it(mesh, field, sample, foot):
+    session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
+    held, far = session.add(foot), 0.1 * mesh.diagonal
+    along = session.bound.grips.grip(session.handle(held).place).border.direction
+    shear, stretch = (Transform(translation=tuple(far * way)) for way in (np.array([1.0, 0, 0]), along))
+    bands = {}
+    for name, poses in (("shear", [shear]), ("stretch", [stretch]), ("both", [shear, stretch])):
+        rig = rig_of(session, [dfd.KeyPose(1.0 + number, {held: pose}) for number, pose in enumerate(poses)])
+        bands[name] = np.concatenate([1 - weights[:, rig.default] for _, weights in rig.weights()])
+    partial = {name: int(((each > 0.05) & (each < 0.95)).sum()) for name, each in bands.items()}
+    assert partial["both"] > max(partial["stretch"], partial["shear"])
+    assert partial["stretch"] != partial["shear"]
+
+
 def test_the_base_of_a_limb_does_not_depend_on_the_width_of_its_blend_band(mesh, field, sample, foot):
     bases = []
     for translation in ((0, 0, 0), (0.2 * mesh.diagonal, 0, 0)):

@@ -172,6 +172,8 @@ def test_a_lengthened_leg_is_stretched_along_its_length_and_its_end_keeps_its_sh
     assert (held[leg[end]] > 0.95).all()
     outside = chair.labels != chair.parts.index("leg")
     assert held[outside].max() <= narrow[outside].max()
+    for far in ([1.7e308] * 3, [-1.7e308, 1.7e308, 0]):  # the displacements overflow
+        assert np.isfinite(border.band(np.column_stack([1.7e308 * np.eye(3), far]))).all()
 
 
 def test_the_border_of_every_part_has_points(chair, chair_parts):
