@@ -91,7 +91,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest sizes needed.
     band = session.bound.grips.band
     needed = ([band(replace(handle, transform=each)) for each in moves[handle.id]] for handle in edit.handles)
-    bands = [Band(*map(max, *each)) if len(each) > 1 else each[0] for each in needed]
+    bands = [Band(*map(max, zip(*each, strict=True))) for each in needed]
     weights, columns = session.bound.columns(edit, bands)
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far

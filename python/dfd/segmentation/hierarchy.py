@@ -289,15 +289,15 @@ def components_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int
     return areas[large & own], max(int(large.sum()) - 1, 1)
 
 
-def girth(patches: Patches, inside: Bool) -> float:
+def girth(patches: Patches, inside: Bool, count: int) -> float:
     """Return the mean length of a part's borders, in diagonals of the box. Example: the girth of a limb at its base.
 
-    `inside` (P,) is True for the patches of the part. The girth of a part without borders is the side of a square with
-    the area of the part.
+    `inside` (P,) is True for the patches of the part, and `count` is the number of its borders. The girth of a part
+    without borders is the side of a square with the area of the part.
     """
     borders = patches.borders
     length = float(borders.length[np.not_equal(*inside[borders.pairs.T])].sum())
-    return _girth(patches, length, float(patches.area @ inside), components_and_borders(patches, inside)[1])
+    return _girth(patches, length, float(patches.area @ inside), count)
 
 
 def _girth(patches: Patches, length: float, share: float, borders: int) -> float:

@@ -172,15 +172,14 @@ class Parts:
         side = self._snapped(inside, vertex)
         depth, ends = _depth(patches, side)
         component, nearest, own = _component_of_node(patches, inside, side, patch)
-        around = girth(patches, inside)
-        rest = patches.size * min(REST, around * REST_OF_GIRTH)
+        components, borders = components_and_borders(patches, inside)
+        around = patches.size * girth(patches, inside, borders)
+        rest = min(patches.size * REST, around * REST_OF_GIRTH)
         # The band ends nearer to the border in components that are shorter than the one at the handle.
         deepest = np.zeros(max(own, nearest.max()) + 1)
         np.maximum.at(deepest, nearest[side], np.where(np.isfinite(depth), depth, 0.0)[side])
         inward = np.maximum(INWARD * deepest, rest / 2)
-        components, borders = components_and_borders(patches, inside)
-        end = np.minimum(END * around * patches.size, deepest * (MOST_END if len(components) > 1 else 1.0))
-        lengthened = deepest - end
+        lengthened = deepest - np.minimum(END * around, deepest * (MOST_END if len(components) > 1 else 1.0))
         center = patches.nodes.center
         points, direction = center[ends[nearest[ends] == own]], np.zeros(3)
         if borders <= MOST_BORDERS * len(components) and len(points):
