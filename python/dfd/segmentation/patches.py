@@ -1,38 +1,60 @@
-"""Divide the surface into about two thousand patches, and describe the borders between them."""
+"""Divide the surface into about two thousand patches, and describe the borders between them.
 
-from collections.abc import Callable
+Everything here is a function of the geometry: not of the order of vertices and faces, or of scale and place. Three
+rules ensure this. Positions are normalized and rounded, so rounding errors of the input do not matter. The places of a
+mesh are sorted by position, so ties are broken alike. Farthest-point sampling chooses the patches, and the planes of
+symmetry map patches to patches.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import first_at_place
 from dfd.mesh.mesh import Mesh
+from dfd.symmetry.plane import SymmetryPlane
 
 COUNT = 2_000  # approximate number of patches; the computing time grows with the square of this number
-PACKING = 0.75  # smallest distance between seeds, in patch spacings; a seed is a random mesh node that gets a patch
+NEAR = 0.75  # farthest-point sampling ends if all places are within NEAR patch spacings of a seed
 NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
-WIDER = 1.25  # while there are more than MOST seeds, the distance between seeds is multiplied by this factor
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BESIDE = 0.2  # two patches are beside each other up to this distance along the surface, in diagonals of the box
-STARTS = 96  # largest number of patches from which distances are measured to find the middle of a shape
-MIDDLE = 1.5  # a middle patch has at most this factor times the smallest mean squared distance from the STARTS patches
 BRIDGE = 1.0  # concavity of borders across small gaps between components of the mesh, as if there were a clear crease
+UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose reflections commute
+MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
+SAME = 1e-5  # two places are exact mirror images up to this distance, in diagonals of the bounding box
+GRID = 2.0**26  # coordinates are rounded to multiples of 1 / GRID, in diagonals of the bounding box
+
+
+class Mirror(NamedTuple):
+    """The plane of all normalized positions p with normal · p = offset."""
+
+    normal: Float64  # (3,) unit vector
+    offset: float
+
+    def height(self, points: Float64) -> Float64:
+        """Return the signed distances (N,) of `points` (N, 3) from the plane."""
+        return points @ self.normal - self.offset
+
+    def image(self, points: Float64) -> Float64:
+        """Return the mirror images of `points` (..., 3)."""
+        return points - 2 * np.multiply.outer(points @ self.normal - self.offset, self.normal)
 
 
 class Borders:
-    """The borders between neighboring patches, or between neighboring mesh nodes.
+    """The borders between neighboring patches, or between neighboring places.
 
     Attributes
     ----------
     pairs
-        (E, 2) indices of the patches (or mesh nodes) on both sides of each border, the lower index first.
+        (E, 2) indices of the patches (or places) on both sides of each border, the lower index first.
     length
         (E,) lengths of the borders, in diagonals of the bounding box; 0 across small gaps.
     concavity
@@ -65,7 +87,7 @@ class Borders:
 
 
 class Patches:
-    """The patches of a mesh: groups of mesh nodes, which are groups of nearby vertices (`dfd.geometry.coarse`).
+    """The patches of a mesh: groups of places, which are distinct positions of mesh nodes (`dfd.geometry.coarse`).
 
     Attributes
     ----------
@@ -73,123 +95,154 @@ class Patches:
         The diagonal of the mesh's bounding box, in mesh units.
     spacing
         The patch spacing: the side of a square with the mean area of a patch, in diagonals of the bounding box.
-    of_node, of_vertex
-        (N,) and (V,) index of the patch of each mesh node, and of each vertex.
+    place
+        (N,) the place of each mesh node; −1 for nodes without faces. Places are sorted by position.
+    node_of_place
+        (M,) the first mesh node at each place.
+    of_place, of_node, of_vertex
+        (M,), (N,) and (V,) index of the patch of each place, mesh node and vertex.
     area
         (P,) areas of the patches, as shares of the surface.
-    borders, node_borders
-        The borders between patches, and between mesh nodes.
-    node_area
-        (N,) areas of the mesh nodes, in squared diagonals of the bounding box.
-    first
-        (N,) index of the first mesh node at the position of each node. At a texture seam, several nodes coincide.
+    center
+        (P, 3) centers of the patches, in diagonals of the bounding box.
+    borders, place_borders
+        The borders between patches, and between places.
+    place_area
+        (M,) areas of the places, in squared diagonals of the bounding box.
+    orbit
+        (P,) the orbit of each patch: the patches that reflections in the planes of symmetry map onto each other.
 
     Raises ValueError if no face of the mesh has an area.
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
         self.nodes = nodes = nodes_of(mesh)
         self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
-        center = (nodes.center - mesh.bounds.mean(axis=0)) / size
-        area, normal, pairs, length = _surface(mesh, nodes, size)
+        self._middle = mesh.bounds.mean(axis=0)
+        self.place, self.node_of_place = _places(mesh, nodes, (nodes.center - self._middle) / size)
+        self._vertex = _central_vertices(mesh, nodes)[self.node_of_place]
+        center = _rounded((nodes.center[self.node_of_place] - self._middle) / size)
+        area, normal, pairs, length = _surface(mesh, self.place[nodes.of_vertex], len(center), size)
         if not area.sum() > 0:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
-        self.node_area = area
-        self.first = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
+        self.place_area = area
         self.spacing = float(np.sqrt(area.sum() / COUNT))
-        links = _links(nodes.graph, pairs)
+        graph = self._graph_of_places(center)
+        links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.node_borders = Borders(pairs, length, center, _smoothed(normal, pairs))
-        apart = PACKING * self.spacing
-        places = np.column_stack([center, NORMAL_WEIGHT * apart * unit(normal)])
-        used = np.flatnonzero(nodes.used)
-        seeds = used[_seeds(places[used], apart)]
-        self.of_node = _nearest_seed(nodes.graph, seeds, center)
-        self.of_vertex = self.of_node[nodes.of_vertex]
-        count = len(seeds)
+        self.place_borders = Borders(pairs, length, center, _smoothed(normal, pairs))
+        tree = cKDTree(center)
+        mirrors = [self._mirror(plane) for plane in _commuting(planes)]
+        mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
+        places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
+        seeds, self.orbit = _orbits(places, area, self.spacing, mirrors)
+        of_seed = _symmetric(_nearest_seed(graph, seeds, center), center, seeds, mirrors)
+        used, self.of_place = np.unique(of_seed, return_inverse=True)
+        self.orbit = np.unique(self.orbit[used], return_inverse=True)[1]
+        count = len(used)
         weight = np.maximum(area, 1e-9 * area.sum())
-        self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
-        mean_center = group_sums(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
+        self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
+        self.center = group_sums(self.of_place, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
-        mean_normal = group_sums(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
-        self.borders = Borders(*_contracted(self.of_node, pairs, length, count), mean_center, mean_normal)
+        mean_normal = group_sums(self.of_place, normal, count) / (self.area * weight.sum())[:, None]
+        self.borders = Borders(*_contracted(self.of_place, pairs, length, count), self.center, mean_normal)
+        nearest = cKDTree(center).query((nodes.center[self.place < 0] - self._middle) / size)[1]
+        self.of_node = self.of_place[self.place]
+        self.of_node[self.place < 0] = self.of_place[nearest]
+        self.of_vertex = self.of_node[nodes.of_vertex]
 
     def means(self, features: Callable[[Int64], NDArray[np.floating]]) -> Float64:
         """Return the means (P, D) of the features that `features` returns for at most `SAMPLES` vertices per patch."""
-        used = np.flatnonzero(self.nodes.used[self.nodes.of_vertex])
-        order = used[np.argsort(self.of_vertex[used], kind="stable")]
-        size = np.bincount(self.of_vertex[used], minlength=len(self.area))
+        order = np.argsort(self.of_place, kind="stable")
+        size = np.bincount(self.of_place)
         taken = np.minimum(size, SAMPLES)
         patch = np.repeat(np.arange(len(size)), taken)
-        place = np.arange(len(patch)) - np.repeat(np.cumsum(taken) - taken, taken)
-        vertices = order[np.repeat(np.cumsum(size) - size, taken) + place * size[patch] // taken[patch]]
+        rank = np.arange(len(patch)) - np.repeat(np.cumsum(taken) - taken, taken)
+        places = order[np.repeat(np.cumsum(size) - size, taken) + rank * size[patch] // taken[patch]]
         mean = csr_array((1 / taken[patch], (patch, np.arange(len(patch)))), shape=(len(size), len(patch)))
-        return np.asarray(mean @ features(vertices).astype(np.float64))
+        return np.asarray(mean @ features(self._vertex[places]).astype(np.float64))
+
+    def _graph_of_places(self, center: Float64) -> csr_array:
+        """Return the distances (M, M) between neighboring places, in diagonals of the bounding box."""
+        graph, count = self.nodes.graph, len(center)
+        row = np.repeat(self.place, np.diff(graph.indptr))
+        ends = np.stack([row, self.place[graph.indices]], axis=1)
+        ends = distinct_pairs(ends[(ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])], count)[0]
+        length = np.maximum(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1), 1e-9)
+        both = np.concatenate([ends, ends[:, ::-1]]).T
+        return csr_array((np.tile(length, 2), tuple(both)), shape=(count, count))
+
+    def _mirror(self, plane: SymmetryPlane) -> Mirror:
+        normal = np.asarray(plane.normal)
+        return Mirror(normal, float((plane.offset - normal @ self._middle) / self.size))
 
 
-class Distal:
-    """Find the distal side of a patch: the surface beyond it, seen from the middle of the largest component."""
-
-    def __init__(self, patches: Patches) -> None:
-        borders = patches.borders
-        self._graph = graph = borders.graph(borders.apart)
-        component = connected_components(graph, directed=False)[1]
-        body = np.flatnonzero(component == np.bincount(component, patches.area).argmax())
-        starts = body[:: len(body) // STARTS + 1]
-        spread = np.square(dijkstra(graph, indices=starts)[:, body]).sum(axis=0)
-        middle = body[spread <= MIDDLE * spread.min()]
-        self._distance, before, _ = dijkstra(graph, indices=middle, min_only=True, return_predecessors=True)
-        self._pairs = borders.pairs.astype(np.int32)
-        # `_steps[k]` (P,) is the patch that lies 2ᵏ steps nearer to the middle on each patch's shortest path.
-        step = np.where(before >= 0, before, np.arange(len(before)))
-        self._steps = [step]
-        while not np.array_equal(step, step[step]):
-            step = step[step]
-            self._steps.append(step)
-
-    def beyond(self, patch: int) -> Bool:
-        """Return the patches on the distal side of a patch, (P,) bool.
-
-        Shortest paths from the middle of the shape to these patches pass through `patch` or a patch beside it. A patch
-        is beside `patch` if its distance is at most `BESIDE`, and a path between both comes no nearer to the middle.
-        """
-        far = self._distance >= self._distance[patch]
-        component = _core.components(len(far), np.zeros((0, 3), np.int32), self._pairs[far[self._pairs].all(axis=1)])
-        reached = np.isfinite(dijkstra(self._graph, indices=patch, limit=BESIDE)) & (component == component[patch])
-        for step in self._steps:
-            reached = reached | reached[step]
-        return np.asarray(reached)
+def _rounded(values: Float64) -> Float64:
+    return np.round(values * GRID) / GRID
 
 
-def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Int64, Float64]:
-    """Return areas (N,) and area-weighted normals (N, 3) of mesh nodes, and `pairs` and `length` of `Borders`."""
-    count = len(nodes.center)
-    first = first_at_place(mesh)
+def _places(mesh: Mesh, nodes: Nodes, center: Float64) -> tuple[Int64, Int64]:
+    """Return the place (N,) of each mesh node, and the first node (M,) of each place. Places are sorted by position."""
+    first = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
+    own = np.flatnonzero(nodes.used & (first == np.arange(len(first))))
+    own = own[np.lexsort(_rounded(center[own]).T)]
+    place = np.full(len(first), -1)
+    place[own] = np.arange(len(own))
+    return place[first], own
+
+
+def _central_vertices(mesh: Mesh, nodes: Nodes) -> Int64:
+    """Return the vertex (N,) nearest to the center of each mesh node."""
+    members = nodes.members
+    apart = np.linalg.norm(mesh.vertices[members] - nodes.center[nodes.of_vertex[members]], axis=1) / max(
+        mesh.diagonal, np.finfo(float).tiny
+    )
+    apart = _rounded(apart)
+    least = np.repeat(np.minimum.reduceat(apart, nodes.starts), nodes.ends - nodes.starts)
+    nearest = np.flatnonzero(apart == least)
+    return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
+
+
+def _surface(mesh: Mesh, of_vertex: Int64, count: int, size: float) -> tuple[Float64, Float64, Int64, Float64]:
+    """Return areas (M,) and area-weighted normals (M, 3) of places, and `pairs` and `length` of `Borders`."""
+    first, faces = first_at_place(mesh), _distinct_faces(mesh)
+    points = (mesh.vertices - mesh.bounds.mean(axis=0)) / size
     areas, normals = np.zeros(count), np.zeros((count, 3))
     pairs, lengths = [np.zeros((0, 2), np.int64)], [np.zeros(0)]
-    for start in range(0, len(mesh.faces), RUN):  # RUN faces fit the processor's cache
-        faces = first[mesh.faces[start : start + RUN]]
-        node = nodes.of_vertex[faces]
-        corners = mesh.vertices[faces] / size
+    for start in range(0, len(faces), RUN):  # RUN faces fit the processor's cache
+        some = faces[start : start + RUN]
+        place = of_vertex[some]
+        corners = _rounded(points[first[some]])
         along, aside = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         normal = np.stack([along[i - 2] * aside[i - 1] - along[i - 1] * aside[i - 2] for i in range(3)]) / 2
         area = np.sqrt(np.square(normal).sum(axis=0))
-        for corner in node.T:
+        for corner in place.T:
             areas += np.bincount(corner, area / 3, minlength=count)
             for axis in range(3):
                 normals[:, axis] += np.bincount(corner, normal[axis], minlength=count)
         for one, other in ((0, 1), (1, 2), (2, 0)):
-            between = np.flatnonzero(node[:, one] != node[:, other])
+            between = np.flatnonzero(place[:, one] != place[:, other])
             side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
-            pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
+            pairs.append(np.stack([place[between, one], place[between, other]], axis=1))
             # In a face, the border goes from the center straight to a side, so its length is a third of the height.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
-    joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
-    return areas, normals, *joined
+    joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
+    # Sums depend on the order of the faces by rounding errors, so they are rounded to a coarser grid.
+    return _rounded(areas * GRID) / GRID, _rounded(normals * GRID) / GRID, joined, _rounded(length)
+
+
+def _distinct_faces(mesh: Mesh) -> NDArray[np.int32]:
+    """Return the faces (F, 3) of the mesh without copies: faces with the corners of an earlier face, in any order."""
+    corners = np.sort(first_at_place(mesh)[mesh.faces], axis=1).astype(np.uint64)
+    prime = np.uint64(0x9E3779B97F4A7C15)  # the odd number nearest to 2⁶⁴ divided by the golden ratio
+    key = (corners[:, 0] * prime + corners[:, 1]) * prime + corners[:, 2]
+    if len(key) < 2 or np.diff(np.sort(key)).all():
+        return mesh.faces
+    return mesh.faces[np.sort(np.unique(key, return_index=True)[1])]
 
 
 def _smoothed(normal: Float64, pairs: Int64) -> Float64:
-    """Return the unit normals (N, 3) of mesh nodes, averaged over about the area of a patch."""
+    """Return the unit normals (M, 3) of places, averaged over about the area of a patch."""
     count = len(normal)
     ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
     near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
@@ -201,8 +254,8 @@ def _smoothed(normal: Float64, pairs: Int64) -> Float64:
 def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:
     """Return the distinct pairs (E, 2) of neighboring groups, and the total length (E,) of their borders.
 
-    `group` (N,) is the group of each mesh node, `pairs` (K, 2) and `length` (K,) are the borders between mesh nodes,
-    and `count` is the number of groups.
+    `group` (M,) is the group of each place, `pairs` (K, 2) and `length` (K,) are the borders between places, and
+    `count` is the number of groups.
     """
     ends = group[pairs]
     apart = ends[:, 0] != ends[:, 1]
@@ -211,33 +264,92 @@ def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tupl
 
 
 def _links(graph: csr_array, pairs: Int64) -> Int64:
-    """Return the edges (L, 2) of `graph` that `pairs` lacks: between nodes across a small gap, or at one position."""
+    """Return the edges (L, 2) of `graph` that `pairs` lacks: between places across a small gap."""
     count = graph.shape[0]
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
     return np.stack(np.divmod(key, count), axis=1)
 
 
-def _seeds(points: Float64, near: float) -> Int64:
-    """Return indices of random `points` (N, 6) at least `near` apart; `near` is increased until at most `MOST` fit."""
-    tree = cKDTree(points)
-    order = np.random.default_rng(0).permutation(len(points)).tolist()
-    while True:  # until at most MOST points are chosen
-        free = np.ones(len(points), bool)
-        chosen: list[int] = []
-        for point in order:
-            if len(chosen) > MOST:
+def _commuting(planes: Sequence[SymmetryPlane]) -> list[SymmetryPlane]:
+    """Return the first of `planes` and those perpendicular to it and to each other; their reflections commute."""
+    kept: list[SymmetryPlane] = []
+    for plane in planes:
+        if all(abs(np.dot(plane.normal, other.normal)) < UPRIGHT for other in kept):
+            kept.append(plane)
+    return kept
+
+
+def _mapped(mirror: Mirror, tree: cKDTree, area: Float64, spacing: float) -> float:
+    """Return the share of the surface whose mirror image lies on the surface."""
+    apart = tree.query(mirror.image(np.asarray(tree.data)), distance_upper_bound=spacing / 2)[0]
+    return float(area[np.isfinite(apart)].sum() / area.sum())
+
+
+def _orbits(places: Float64, area: Float64, spacing: float, mirrors: Sequence[Mirror]) -> tuple[Int64, Int64]:
+    """Return the seeds (P,) of patches, which are indices of `places` (M, 6), and the orbit (P,) of each seed.
+
+    Farthest-point sampling chooses seeds on one side of all planes. Their mirror images are the other seeds.
+    """
+    center, near = places[:, :3], NEAR * spacing
+    half = np.ones(len(places), bool)
+    for mirror in mirrors:
+        half &= mirror.height(center) > -spacing / 4
+    own = np.flatnonzero(half)
+    middle = (area @ center) / area.sum()
+    start = int(_rounded(np.linalg.norm(center[own] - middle, axis=1)).argmin())
+    chosen = own[_farthest_points(places[own], [start], near, MOST >> len(mirrors))]
+    tree, of_seed = cKDTree(center), {}
+    for orbit, seed in enumerate(chosen.tolist()):
+        images = [center[seed]]
+        for mirror in mirrors:
+            images += [mirror.image(point) for point in images]
+        apart, nearest = tree.query(np.array(images))
+        members: list[int] = []
+        for image in nearest[apart < spacing / 2].tolist():
+            if all(np.linalg.norm(places[image] - places[other]) > near / 2 for other in members):
+                members.append(image)
+                of_seed.setdefault(image, orbit)
+    # Places whose mirror images lie off the surface get seeds of their own.
+    for seed in _farthest_points(places, list(of_seed), near, MOST)[len(of_seed) :].tolist():
+        of_seed[seed] = len(chosen) + seed
+    return np.array(list(of_seed)), np.unique(list(of_seed.values()), return_inverse=True)[1]
+
+
+def _symmetric(patch: Int64, center: Float64, seeds: Int64, mirrors: Sequence[Mirror]) -> Int64:
+    """Return `patch` (M,), the patch of each place, made symmetric where the places are exact mirror images."""
+    tree, of_seed = cKDTree(center), cKDTree(center[seeds])
+    for mirror in mirrors:
+        below = np.flatnonzero(mirror.height(center) < 0)
+        apart, image = tree.query(mirror.image(center[below]))
+        offset, mate = of_seed.query(mirror.image(center[seeds]))
+        exact = (apart < SAME) & (offset[patch[image]] < SAME)
+        patch[below[exact]] = mate[patch[image[exact]]]
+    return patch
+
+
+def _farthest_points(points: Float64, first: Sequence[int], near: float, most: int) -> Int64:
+    """Return the indices `first`, and more of `points` (N, D), each farthest from those before.
+
+    The result (K,) ends if no point is farther than `near` from all others in it.
+    """
+    tree, apart = cKDTree(points), np.full(len(points), np.inf)
+    chosen, widest = list(first), float(np.linalg.norm(np.ptp(points, axis=0)))
+    for done in range(most):
+        if done == len(chosen):
+            farthest = int(apart.argmax())
+            widest = float(apart[farthest])
+            if widest < near:
                 break
-            if free[point]:
-                chosen.append(point)
-                free[tree.query_ball_point(points[point], near)] = False
-        if len(chosen) <= MOST:
-            return np.array(chosen, np.int64)
-        near *= WIDER
+            chosen.append(farthest)
+        # Only points within the largest distance can come nearer.
+        some = np.array(tree.query_ball_point(points[chosen[done]], widest * (1 + 1e-9)))
+        apart[some] = np.minimum(apart[some], _rounded(np.linalg.norm(points[some] - points[chosen[done]], axis=1)))
+    return np.array(chosen)
 
 
 def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
-    """Return the index of the seed nearest to each node, (N,), along the surface; in space if there is no path."""
+    """Return the index of the seed nearest to each place, (M,), along the surface; in space if there is no path."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))

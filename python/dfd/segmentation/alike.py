@@ -1,0 +1,69 @@
+"""Find the regions of a shape that look like a part: its mirror images, and tree nodes with similar features and size."""
+
+import numpy as np
+
+from dfd.common.linear_algebra import Bool, Float64
+from dfd.segmentation.choose import closed
+from dfd.segmentation.tree import Tree
+
+MOST = 64  # largest number of components of a part
+# Two regions are alike if their squared distance is below 1. It adds the squares of the distance between their mean
+# features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
+# five ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, and of the three extents.
+APART, SIMILAR = 2.0, 1.6
+
+
+def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
+    """Return the components (P,) of a part: `region` (P,), its mirror images, and other regions that look like it.
+
+    `region` is a component of the tree node `node`, alone or closed. No two components overlap.
+    """
+    area = tree.patches.area
+    core = region & tree.inside[node]
+    whole = bool((region & ~core).any())
+    found, taken = [region], region.copy()
+
+    def take(component: Bool) -> None:
+        grown = closed(tree, component) if whole else component
+        if len(found) < MOST and not (grown & taken).any():
+            found.append(grown)
+            taken[:] |= grown
+
+    own = _measures(tree, core)
+    for component in tree.components(tree.inside[node] & ~core):
+        if _apart(own, _measures(tree, component)) < 1:
+            take(component)
+    for component in _resembling(tree, core, taken):
+        take(component)
+    return found
+
+
+def _resembling(tree: Tree, core: Bool, taken: Bool) -> list[Bool]:
+    """Return the components (P,) of tree nodes outside `taken` that look like `core` (P,), the most similar first."""
+    own = _measures(tree, core)
+    mean, around = tree.mean(core), tree.around(core)
+    contrast = float(np.linalg.norm(mean - tree.mean(around))) if around.any() else 0.0
+    looks = np.square(np.linalg.norm(tree.means - mean, axis=1) / max(APART * contrast, 1e-9))
+    near = (looks < 1) & (tree.areas >= tree.patches.area @ core / SIMILAR) & ~(tree.inside & taken).any(axis=1)
+    found: list[tuple[float, int, Bool]] = []
+    for node in np.flatnonzero(near).tolist():
+        for component in tree.components(tree.inside[node]):
+            apart = float(looks[node]) + _apart(own, _measures(tree, component))
+            if apart < 1:
+                found.append((apart, node, component))
+    return [component for *_, component in sorted(found, key=lambda each: each[:2])]
+
+
+def _measures(tree: Tree, region: Bool) -> Float64:
+    """Return the logarithms (5,) of a region's area, the length of its border and its extents along principal axes."""
+    patches = tree.patches
+    length = patches.borders.length[np.not_equal(*region[patches.borders.pairs.T])].sum()
+    area, center = patches.area[region], patches.center[region]
+    apart = center - area @ center / area.sum()
+    extents = np.sqrt(np.linalg.eigvalsh((apart * area[:, None]).T @ apart / area.sum()).clip(0.0))
+    return np.log(np.array([area.sum(), length, *(extents + patches.spacing)]) + 1e-9)
+
+
+def _apart(one: Float64, other: Float64) -> float:
+    """Return the squared distance of the `_measures` of two regions."""
+    return float(np.square((one - other) / np.log(SIMILAR)).sum())
