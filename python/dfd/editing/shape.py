@@ -5,31 +5,30 @@ from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.counterparts import Column
+from dfd.editing.influence.fill import Band, bands_of, fill
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.plan import Column, Plan
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
-from dfd.segmentation.parts import Band
 
 
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
     A `dfd.Drag` stores the displacements by all handles that do not move. It is used if an edit changes only the
-    transforms of at most half of the handles, and the blend bands (`Grips.band`) stay equal.
+    transforms of at most half of the handles. A frame only changes the weights of these handles, in their blend bands.
     """
 
-    def __init__(self, mesh: Mesh, weights: HandleWeights, bands: Sequence[Band] | None = None) -> None:
-        """Store the arguments. `bands` are the blend bands of the handles; if it is None, transforms determine them."""
+    def __init__(self, mesh: Mesh, weights: HandleWeights, bands: Sequence[tuple[Band, ...]] | None = None) -> None:
+        """Store the arguments. `bands` are the blend bands of the columns; if it is None, transforms determine them."""
         self._mesh = mesh
         self._weights = weights
         self._bands = bands
         self._edit = Edit()
         self._vertices = mesh.vertices
-        self._drag: Drag | None = None
-        self._moving: dict[int, list[Column]] = {}  # the columns of each handle that `_drag` moves, by its index
+        self._drag: _MovingColumns | None = None
 
     def of(self, edit: Edit) -> Float64:
         """Return the posed vertices (V, 3) of `edit` in mesh units, read-only."""
@@ -41,20 +40,23 @@ class PosedShape:
 
     def _posed(self, edit: Edit) -> Float64:
         moved = _moved(self._edit, edit)
-        if moved and self._bands is None:
-            bands = [[self._weights.grips.band(each.handles[i]) for i in moved] for each in (self._edit, edit)]
-            moved = moved if bands[0] == bands[1] else None
         if moved == []:
             return self._vertices
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
-        if self._drag is None or not self._moving.keys() >= set(moved):
+        plan = self._weights.plan(edit)
+        if plan.crowded or (edit.default is not None and any(column.pieces for column in plan.columns)):
+            self._drag = None  # weights of handles at rest, or of the default transform, change with the bands too
+            return self._whole(edit)
+        if self._drag is None or not self._drag.handles >= set(moved):
             weights, columns = self._weights.columns(edit, self._bands)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
-            self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
-        return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
+            drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
+            rows = range(len(moving)) if edit.blending == "linear" else moving
+            bands = self._weights.bands(edit) if self._bands is None else self._bands
+            self._drag = _MovingColumns(self._mesh, drag, plan, moving, list(rows), bands, self._bands is not None)
+        return self._drag.pose(edit)
 
     def _whole(self, edit: Edit) -> Float64:
         if _pose_key(edit) == _pose_key(Edit()):
@@ -75,6 +77,36 @@ class PosedShape:
             "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
+
+
+class _MovingColumns:
+    """A drag, and the columns that it moves. Their weights are changed in place where bands change."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        drag: Drag,
+        plan: Plan,
+        moving: Sequence[int],
+        rows: Sequence[int],
+        bands: Sequence[tuple[Band, ...]],
+        fixed: bool,
+    ) -> None:
+        """Store the arguments. `rows` are the columns of `drag.weights` for the columns `moving` of the plan."""
+        self._mesh, self._drag, self._fixed = mesh, drag, fixed
+        self._columns = [plan.columns[i] for i in moving]
+        self._rows: list[Float32] = [drag.weights[:, row] for row in rows]
+        self._bands = [bands[i] for i in moving]
+        self.handles = {column.handle for column in self._columns}
+
+    def pose(self, edit: Edit) -> Float64:
+        """Return the vertices (V, 3) of `edit`."""
+        for i, column in enumerate(() if self._fixed else self._columns):
+            bands = bands_of(column, self._mesh, edit)
+            if bands != self._bands[i]:
+                fill(column, bands, self._rows[i], bands_only=True)
+                self._bands[i] = bands
+        return self._drag.pose([column.matrix(edit) for column in self._columns])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

@@ -14,8 +14,8 @@ from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.held_parts import bend_vector, pivot_on
-from dfd.editing.influence.regions import VertexSet
+from dfd.editing.influence.bendable_parts import bend_vector, pivot_on
+from dfd.editing.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 
@@ -51,7 +51,7 @@ def change(
     changed, pivot_at = edit.replaced(new), held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if not weights.held_parts(changed, new):
+    if not weights.bendable_parts(changed, new):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -69,7 +69,7 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
 def part_at(weights: HandleWeights, at: Any, level: int = 0, *, alike: bool = True) -> VertexSet:
     """Return the vertices of the part at a place. `level` and `alike` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
-    return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
+    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, alike=alike).mask)
 
 
 def place_of(weights: HandleWeights, at: Any) -> Place:
@@ -140,7 +140,7 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
         missing = given.get("bend") is None
         must = "given with `towards`" if missing else "one angle, and not a vector, beside `towards`"
         raise ArgumentError("bend", f"must be {must}")
-    parts = weights.held_parts(edit, held)
+    parts = weights.bendable_parts(edit, held)
     if not parts:
         if not found:
             return edit

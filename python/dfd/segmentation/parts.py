@@ -192,6 +192,31 @@ class Parts:
         of_node = np.minimum(within / scale, 1).astype(np.float32)
         return Grip(np.minimum(weights / scale, 1), of_node, component, border)
 
+    def components(self, at: Any, level: int = 0) -> Int64 | None:
+        """Return the component of the part at a vertex that contains each mesh node, (N,).
+
+        0 is the component at the vertex, −1 is outside the part. The result is None if no part was found, such as level
+        0 on a ball. `level` is as in `part`.
+        """
+        vertex = self._vertex(at)
+        if not self._has_surface:
+            return None
+        tree, patches = self._hierarchy, self._patches
+        patch = int(patches.of_vertex[vertex])
+        inside = self._inside(patch, level)
+        unclear = max(map(tree.saliency, tree.candidates(patch))) < LEAST_SALIENCY
+        if inside.all() or (unclear and np.array_equal(inside, self._inside(patch, 0))):
+            return None
+        side = self._snapped(inside, vertex)
+        _, nearest, own = _component_of_node(patches, inside, side, patch)
+        nearest = np.where(side, nearest, -1)[patches.first]
+        # Number the components by the area of their first appearance, with the component at the vertex first.
+        numbers = np.unique(nearest[nearest >= 0])
+        order = np.concatenate([[own], numbers[numbers != own]])
+        rank = np.full(nearest.max() + 1, -1)
+        rank[order] = np.arange(len(order))
+        return np.where(nearest >= 0, rank[nearest], -1)
+
     def cut(self) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 

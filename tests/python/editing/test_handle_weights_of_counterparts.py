@@ -6,11 +6,11 @@ from made_field import field_of
 
 import dfd
 from dfd.editing.controls import Controls
-from dfd.editing.influence import grips, handle_weights
-from dfd.editing.influence.counterparts import Counterpart, Held
+from dfd.editing.influence import handle_weights, hold
+from dfd.editing.influence.counterparts import Counterpart
 from dfd.export.rig import rig_of
-from dfd.geometry.coarse import Share
 from dfd.posing.transforms import Transform, rotation_matrix
+from dfd.segmentation.parts import Parts
 
 
 @pytest.fixture(scope="module")
@@ -20,22 +20,31 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Replace `find_counterparts`: the labeled legs of a chair are the counterparts. Return the recorded calls."""
+    """The labeled legs of a chair are the components of each part, and their feet the counterparts. Return the calls."""
     calls = []
 
-    def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False, known=None):
-        calls.append((vertex, planes))
-        found = []
-        for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
+    def legs_from(vertex):
+        return sorted(range(4), key=lambda leg: leg != sample.instances[vertex])
+
+    def components(parts, vertex, level=0):
+        found = np.full(len(mesh.vertices), -1)
+        for number, leg in enumerate(legs_from(vertex)):
+            found[sample.vertices_of("leg", leg)] = number
+        return found
+
+    def labelled(mesh, component, vertex, position, alike, planes):
+        calls.append((vertex, planes()))
+        found, weights = [], alike()
+        for number, leg in enumerate(legs_from(vertex)):
             members = sample.vertices_of("leg", leg)
-            share = Share(members, np.ones(len(members), np.float32))
             foot = int(members[mesh.vertices[members, 1].argmin()])
             frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-            found.append(Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
-        return Held(tuple(found), None if grip is None else grip.weights)
+            found.append((number, Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]))))
+        return found
 
-    monkeypatch.setattr(grips, "find_counterparts", labelled)
-    monkeypatch.setattr(grips, "symmetry_planes", lambda *_: ["found"])
+    monkeypatch.setattr(Parts, "components", components)
+    monkeypatch.setattr(hold, "find_counterparts", labelled)
+    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: ["found"])
     return calls
 
 

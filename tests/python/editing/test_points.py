@@ -6,7 +6,7 @@ from made_field import made_field
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 from dfd.editing.points import find, nearest_vertex, place_on
 
 
