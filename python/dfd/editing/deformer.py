@@ -20,8 +20,8 @@ from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.regions import VertexSet
 from dfd.editing.presets import SymmetryCandidates
+from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.field.compatibility import check_compatible

@@ -18,15 +18,16 @@ from dfd.common.errors import ArgumentError, within
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
-from dfd.editing.regions import members
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
+from dfd.editing.regions import members
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import Blend
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
+
 
 @dataclass(frozen=True, repr=False)
 class Handle(Brief):

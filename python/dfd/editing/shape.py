@@ -9,7 +9,7 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.fill import Band, bands_of, fill
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.plan import Column, Plan
+from dfd.editing.influence.plan import Column
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
 
@@ -21,11 +21,16 @@ class PosedShape:
     transforms of at most half of the handles. A frame only changes the weights of these handles, in their blend bands.
     """
 
-    def __init__(self, mesh: Mesh, weights: HandleWeights, bands: Sequence[tuple[Band, ...]] | None = None) -> None:
-        """Store the arguments. `bands` are the blend bands of the columns; if it is None, transforms determine them."""
+    def __init__(
+        self, mesh: Mesh, weights: HandleWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
+    ) -> None:
+        """Store the arguments. `columns` are weights (V, C) and their columns for all edits, as those of a skin.
+
+        If `columns` is None, each edit determines its own.
+        """
         self._mesh = mesh
         self._weights = weights
-        self._bands = bands
+        self._skin = columns
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: _MovingColumns | None = None
@@ -45,18 +50,22 @@ class PosedShape:
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
-        plan = self._weights.plan(edit)
-        if plan.crowded or (edit.default is not None and any(column.pieces for column in plan.columns)):
-            self._drag = None  # weights of handles at rest, or of the default transform, change with the bands too
-            return self._whole(edit)
+        if self._skin is None:
+            plan = self._weights.plan(edit)
+            if plan.crowded or (edit.default is not None and any(column.pieces for column in plan.columns)):
+                self._drag = None  # weights of handles at rest, or of the default transform, change with the bands too
+                return self._whole(edit)
         if self._drag is None or not self._drag.handles >= set(moved):
-            weights, columns = self._weights.columns(edit, self._bands)
+            weights, columns = self._columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
             drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
-            rows = range(len(moving)) if edit.blending == "linear" else moving
-            bands = self._weights.bands(edit) if self._bands is None else self._bands
-            self._drag = _MovingColumns(self._mesh, drag, plan, moving, list(rows), bands, self._bands is not None)
+            rows = [drag.weights[:, row] for row in (range(len(moving)) if edit.blending == "linear" else moving)]
+            bands = None if self._skin is not None else [self._weights.bands(edit)[i] for i in moving]
+            self._drag = _MovingColumns(self._mesh, drag, [columns[i] for i in moving], rows, bands)
         return self._drag.pose(edit)
+
+    def _columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        return self._weights.columns(edit) if self._skin is None else self._skin
 
     def _whole(self, edit: Edit) -> Float64:
         if _pose_key(edit) == _pose_key(Edit()):
@@ -64,7 +73,7 @@ class PosedShape:
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
-        weights, columns = self._weights.columns(edit, self._bands)
+        weights, columns = self._columns(edit)
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
@@ -86,26 +95,23 @@ class _MovingColumns:
         self,
         mesh: Mesh,
         drag: Drag,
-        plan: Plan,
-        moving: Sequence[int],
-        rows: Sequence[int],
-        bands: Sequence[tuple[Band, ...]],
-        fixed: bool,
+        columns: Sequence[Column],
+        weights: Sequence[Float32],
+        bands: list[tuple[Band, ...]] | None,
     ) -> None:
-        """Store the arguments. `rows` are the columns of `drag.weights` for the columns `moving` of the plan."""
-        self._mesh, self._drag, self._fixed = mesh, drag, fixed
-        self._columns = [plan.columns[i] for i in moving]
-        self._rows: list[Float32] = [drag.weights[:, row] for row in rows]
-        self._bands = [bands[i] for i in moving]
-        self.handles = {column.handle for column in self._columns}
+        """Store the arguments. `weights` are columns (V,) of `drag.weights`; if `bands` is None, they stay as they are."""
+        self._mesh, self._drag, self._columns = mesh, drag, columns
+        self._weights, self._bands = weights, bands
+        self.handles = {column.handle for column in columns}
 
     def pose(self, edit: Edit) -> Float64:
         """Return the vertices (V, 3) of `edit`."""
-        for i, column in enumerate(() if self._fixed else self._columns):
-            bands = bands_of(column, self._mesh, edit)
-            if bands != self._bands[i]:
-                fill(column, bands, self._rows[i], bands_only=True)
-                self._bands[i] = bands
+        if self._bands is not None:
+            for i, column in enumerate(self._columns):
+                bands = bands_of(column, self._mesh, edit)
+                if bands != self._bands[i]:
+                    fill(column, bands, self._weights[i], bands_only=True)
+                    self._bands[i] = bands
         return self._drag.pose([column.matrix(edit) for column in self._columns])
 
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 import dfd._core as _core
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
-from dfd.geometry.surface_graph import seam_links, surface_graph, surface_links
+from dfd.geometry.surface_graph import GAPS, seam_links, surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place, vertex_areas
 from dfd.mesh.mesh import Mesh
 
@@ -77,7 +77,9 @@ class Nodes:
         size = np.bincount(self.of_vertex)
         self.center = group_sums(self.of_vertex, vertices, len(size)) / size[:, None]
         self.surface = _contracted(mesh, seams, self.of_vertex, self.center)
-        self.graph = surface_graph(mesh) if links is None else _with_edges(self.surface, self.of_vertex[links], self.center)
+        self.graph = (
+            surface_graph(mesh) if links is None else _with_edges(self.surface, self.of_vertex[links], self.center)
+        )
         self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
@@ -121,6 +123,16 @@ class Nodes:
             members = np.concatenate([self.members[self.starts[node] : self.ends[node]] for node in nodes])
             found[i] = members[np.square(self._vertices[members] - queries[i]).sum(axis=1).argmin()]
         return found
+
+    @cached_property
+    def follows(self) -> Int64:
+        """Return the node (N,) that each node follows: itself, or without faces, the nearest one with faces nearby."""
+        follows, stray, used = np.arange(len(self.center)), np.flatnonzero(~self.used), np.flatnonzero(self.used)
+        if len(stray) and len(used):
+            bound = GAPS[-1] * float(np.linalg.norm(np.ptp(self.center[used], axis=0)))
+            apart, nearest = cKDTree(self.center[used]).query(self.center[stray], distance_upper_bound=bound)
+            follows[stray[np.isfinite(apart)]] = used[nearest[np.isfinite(apart)]]
+        return follows
 
     @cached_property
     def area(self) -> Float64:

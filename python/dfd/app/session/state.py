@@ -62,7 +62,9 @@ class Editing:
     def has_close_weights(self) -> bool:
         """Return whether the blend bands of the page's columns are nearly those of the present edit."""
         now = self.deformer.bound.bands(self.deformer.edit)
-        shown, present = (np.array([size for each in bands for band in each for size in band]) for bands in (self._bands, now))
+        shown, present = (
+            np.array([size for each in bands for band in each for size in band]) for bands in (self._bands, now)
+        )
         if [*map(len, self._bands)] != [*map(len, now)]:
             return False
         return bool((np.maximum(shown, present) <= CLOSE * np.minimum(shown, present)).all())

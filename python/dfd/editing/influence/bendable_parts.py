@@ -105,7 +105,9 @@ def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[BendablePart]]) -> Float6
     return points
 
 
-def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plane: SymmetryPlane | None) -> BendablePart:
+def _part(
+    mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plane: SymmetryPlane | None
+) -> BendablePart:
     axis, column, amount = piece
     counterpart, flat, across = column.counterpart, np.eye(3), False
     frame = counterpart.frame
@@ -209,14 +211,15 @@ def pivot_on(
 ) -> tuple[Vector, PivotAt]:
     """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
-    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the symmetry plane,
+    If `which` is None, the pivot is the base of a limb, the point between the two borders of a part such as a teapot's
+    handle, or else the middle. If `part` lies across the symmetry plane,
     this default pivot is projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """
     point = np.asarray(handle.place.position)
     axis = part.axis
-    chosen: PivotAt = which or ("base" if axis.is_limb else "middle")
+    chosen: PivotAt = which or ("base" if axis.is_limb or axis.borders == 2 else "middle")
     if chosen == "plane" and plane is None:
         raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
     if chosen != "point":

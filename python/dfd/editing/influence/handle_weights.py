@@ -1,15 +1,16 @@
 """Compute the weights of an editing session: one column for each handle, or one for each of its counterparts.
 
-    place, level ─ hold (at rest, once) ─► Holding ─ plan (all handles) ─► columns ─ fill (bands now) ─► weights (V, C)
+place, level ─ hold (at rest, once) ─► Holding ─ plan (all handles) ─► columns ─ fill (bands now) ─► weights (V, C)
 """
 
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
 from dfd.editing.influence.counterparts import Counterpart
@@ -94,14 +95,22 @@ class HandleWeights:
         return self._holdings[key]
 
     def _held(self, place: Place, level: int, plane: SymmetryPlane | None) -> Holding | None:
-        vertex = self.rows.anchor(place)
+        vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
+        followed = int(nodes.follows[nodes.of_vertex[vertex]])
+        if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
+            vertex = int(nodes.members[nodes.starts[followed]])
+        lowest, highest = self.parts.levels(vertex)
+        level = min(max(level, lowest), highest)
         component = self.parts.components(vertex, level)
+        if component is None and level == 0:  # the borders are unclear, so the smallest region moves
+            level = -1
+            component = self.parts.components(vertex, level) if lowest < 0 else None
         if component is None:
             return None
         region = None
         if place.region is not None:
             region = self.rows.members(place.region)
-            held = nodes_of(self.mesh).of_vertex[region]
+            held = nodes.of_vertex[region]
             component = component.copy()
             component[held[component[held] < 0]] = 0
 
@@ -120,6 +129,7 @@ class HandleWeights:
         Counterparts are not searched, so this is fast enough to show the part under the pointer.
         """
         component = self.parts.components(vertex)
+        component = self.parts.components(vertex, -1) if component is None else component
         if component is None:
             return None
         held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, None, None)
@@ -248,17 +258,31 @@ class HandleWeights:
         `weights` (V,) are those of the handle. The factors of locality (Eq. 7) still lower the results.
         """
         near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
-        tops = [float(weights[one.vertex]) / nearness if nearness > 0 else 0.0
-                for one, nearness in zip(counterparts, near, strict=True)]
+        tops = [
+            float(weights[one.vertex]) / nearness if nearness > 0 else 0.0
+            for one, nearness in zip(counterparts, near, strict=True)
+        ]
         own = next((top for top in tops if top), 0.0)
         return [
             own / top if one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0 else 1.0
             for one, top in zip(counterparts, tops, strict=True)
         ]
 
+    def level_with_axis(self, edit: Edit, handle: Handle) -> int | None:
+        """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""
+        lowest, highest = self.parts.levels(self.rows.anchor(handle.place))
+        for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
+            other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
+            parts = self.bendable_parts(replace(edit, handles=(other,)), other)
+            if parts and parts[0].slender:
+                return level
+        return None
+
     # --- fill
 
-    def columns(self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None) -> tuple[Float32, tuple[Column, ...]]:
+    def columns(
+        self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None
+    ) -> tuple[Float32, tuple[Column, ...]]:
         """Return the weights (V, C), read-only, one or more columns per handle, and these columns.
 
         `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
@@ -380,9 +404,7 @@ def _piece(component: Component, weights: Float32 | None, factor: float) -> Piec
         return Piece(component, core, share)
     scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0)) if factor != 1.0 else weights
     return Piece(
-        component,
-        Share(core.vertices, core.values * scaled[core.vertices]),
-        share * scaled[component.vertices],
+        component, Share(core.vertices, core.values * scaled[core.vertices]), share * scaled[component.vertices]
     )
 
 
@@ -401,8 +423,10 @@ def _sparse(weights: Float32) -> Share:
 def _equalized(weights: Float32, portions: Sequence[Share], factors: Sequence[float]) -> list[Share]:
     """Multiply `portions` by `factors`. The sum of the results at a vertex is limited to the maximum of `weights`."""
     total = np.zeros(len(weights), np.float32)
-    found = [Share(vertices, values * np.float32(factor)) for (vertices, values), factor in
-             zip(portions, factors, strict=True)]
+    found = [
+        Share(vertices, values * np.float32(factor))
+        for (vertices, values), factor in zip(portions, factors, strict=True)
+    ]
     for vertices, values in found:
         total[vertices] += values
     most = weights.max(initial=0.0)

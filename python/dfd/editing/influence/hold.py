@@ -46,12 +46,6 @@ class Component:
     depth: Float32  # (M,) their depths
     share: Float32  # (M,) their share of the motion: below 1 near another component that touches this one
 
-    @property
-    def inside(self) -> Int64:
-        """Return the vertices (N,) of the component, ascending."""
-        own = self.vertices[(self.depth > 0) & (self.share > 0.5)]
-        return np.sort(np.concatenate([self.core.vertices[self.core.values > 0.5], own])).astype(np.int64)
-
 
 @dataclass(frozen=True, eq=False)
 class Holding:
@@ -67,6 +61,11 @@ class Holding:
     def everywhere(self) -> list[Share]:
         """Return the share of each component at every vertex, for weights that do not end at the part's border."""
         return shares_everywhere(self._nodes, self._component, self._diagonal)
+
+    def area(self, number: int) -> float:
+        """Return the area of a component, as a fraction of the area of the surface."""
+        total = float(self._nodes.area.sum())
+        return float(self._nodes.area[self._component == number].sum()) / total if total > 0 else 0.0
 
     def at(self, vertex: int) -> int:
         """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
@@ -94,7 +93,7 @@ def hold(
     component end outside the vertices `region` (R,).
     """
     nodes = nodes_of(mesh)
-    component = joined(nodes, component)
+    component = joined(nodes, component)[nodes.follows]
     found = find_counterparts(mesh, component, vertex, position, alike, planes)
     numbers = [number for number, _ in found]
     component = _renumbered(nodes, component, numbers)
@@ -120,10 +119,8 @@ def joined(nodes: Nodes, component: Int64) -> Int64:
         if alone[rank]:
             alone[rank] = False
             joins = alone & (of_mesh != of_mesh[rank]) & _in_box(nodes.center[each], centers)
-            for other in np.flatnonzero(joins):
-                # The component at the handle keeps its number 0.
-                numbers = component[each[0]], component[members[other][0]]
-                result[np.isin(result, numbers)] = min(numbers)
+            numbers = component[[each[0], *(members[other][0] for other in np.flatnonzero(joins))]]
+            result[np.isin(component, numbers)] = numbers.min()  # the component at the handle keeps its number 0
             alone &= ~joins
     return result
 
@@ -171,11 +168,11 @@ def _components(
     outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
     deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
     shares = _shares(apart, component, int(nodes.of_vertex[vertex]), outward)
-    own = int(nodes.of_vertex[vertex])
     fields, inward = [], INSIDE * deepest
     for k in range(count):
-        field = np.where(inside, depth, -apart[k])
-        fields.append(_smoothed(surface, field, -reach[k], inward[k] + 3 * SMOOTHING * radii[k], SMOOTHING * radii[k]))
+        field, deviation = np.where(inside, depth, -apart[k]), SMOOTHING * radii[k]
+        fields.append(_smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)[nodes.follows])
+    shares = shares[:, nodes.follows]
     # The handle lies inside the part, also after smoothing, and beyond the inner end of the band, so that it arrives.
     held = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
     here = float(_on_vertices(nodes, fields[0], held).min(initial=np.inf))
@@ -260,8 +257,9 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
         return field
     known = np.isfinite(field)
     among = surface[free]
-    conductance = csr_array((2 * deviation**2 / np.maximum(among.data, 1e-3 * deviation), among.indices, among.indptr),
-                            shape=among.shape)
+    conductance = csr_array(
+        (2 * deviation**2 / np.maximum(among.data, 1e-3 * deviation), among.indices, among.indptr), shape=among.shape
+    )
     conductance = conductance @ diags_array(known.astype(np.float64))
     mass = np.asarray(among.sum(axis=1)).ravel() + 1e-9 * deviation
     within = conductance[:, free]
@@ -269,7 +267,9 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
     values = np.where(known, field, 0.0)
     fixed = conductance @ values - within @ values[free]
     result = field.copy()
-    result[free] = splu((diags_array(mass + total) - within).tocsc()).solve(mass * values[free] + fixed)
+    matrix = (diags_array(mass + total) - within).tocsc()
+    solve = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+    result[free] = solve(mass * values[free] + fixed)
     return result
 
 
@@ -313,7 +313,15 @@ def _component(
     some = (depth > -outward) & (shares > 0)
     vertices, depth, shares = vertices[some], np.minimum(depth[some], 1e30), shares[some]
     return Component(
-        counterpart, border, direction, radius, outward, inward, room,
+        counterpart,
+        border,
+        direction,
+        radius,
+        outward,
+        inward,
+        room,
         Share(core.astype(np.int32), np.ones(len(core), np.float32)),
-        vertices.astype(np.int32), depth.astype(np.float32), shares,
+        vertices.astype(np.int32),
+        depth.astype(np.float32),
+        shares,
     )

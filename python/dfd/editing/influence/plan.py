@@ -79,7 +79,12 @@ class Plan:
 
 
 def allocated(
-    columns: Sequence[Column], moving: Sequence[int], at_rest: Float32, points: Float64, samples: Int64, sizes: Float64,
+    columns: Sequence[Column],
+    moving: Sequence[int],
+    at_rest: Float32,
+    points: Float64,
+    samples: Int64,
+    sizes: Float64,
     vertex_of: dict[int, int],
 ) -> Plan:
     """Assign each component to one of the `moving` handles, so that every handle reaches its target.
@@ -160,9 +165,7 @@ def divided(
         rivals = own[same[j, own] & (own != j)] if j in vertex_of else own[:0]
         beside = np.isin(at, column.support) & (own != j) & ~nested[own, j] & (radius > 0)
 
-        def factor(
-            vertices: NDArray[np.integer], j: int = j, rivals: Int64 = rivals, beside: Bool = beside
-        ) -> Float64:
+        def factor(vertices: NDArray[np.integer], j: int = j, rivals: Int64 = rivals, beside: Bool = beside) -> Float64:
             here, left = points[vertices], np.ones(len(vertices))
             near = np.square(here - points[vertex_of[j]]).sum(axis=1) if len(rivals) else None
             for rival in rivals:
