@@ -99,7 +99,7 @@ class _MovingColumns:
         weights: Sequence[Float32],
         bands: list[tuple[Band, ...]] | None,
     ) -> None:
-        """Store the arguments. `weights` are columns (V,) of `drag.weights`; if `bands` is None, they stay as they are."""
+        """Store the arguments. `weights` are columns (V,) of `drag.weights`; with `bands` None, they do not change."""
         self._mesh, self._drag, self._columns = mesh, drag, columns
         self._weights, self._bands = weights, bands
         self.handles = {column.handle for column in columns}
