@@ -40,7 +40,7 @@ def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
     """Return the fold at the border of the part at a vertex, in degrees; None if the blend band is too small."""
     mesh, held = session.mesh, session.add(vertex)
     try:
-        parts = session.bound.held_parts(session.edit, session.handle(held))
+        parts = session.bound.bendable_parts(session.edit, session.handle(held))
         if not parts:
             return None
         axis = parts[0].axis

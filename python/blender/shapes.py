@@ -46,11 +46,11 @@ class Shape:
         Raises ValueError if `vertex` is not in the mesh, or a control is out of its range.
         """
         edit = add(Edit(preset=preset), self._weights, 1, vertex, name=None, **controls)
-        return self._weights.by_features.of(edit)[0][:, 0]
+        return self._weights.weights(edit)[:, 0]
 
     def parts(self) -> list[np.ndarray]:
         """Return the vertices (N,) of each part of the shape, as `dfd.parts` finds them."""
-        return [part.vertices for part in self._weights.grips.parts.cut()]
+        return [part.vertices for part in self._weights.parts.cut()]
 
 
 def _y_up(vertices: np.ndarray) -> np.ndarray:

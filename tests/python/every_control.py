@@ -14,8 +14,8 @@ import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
 from dfd.common.preset import Preset
 from dfd.editing.edit import Edit
-from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.presets import Counterparts
+from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.geometry.findings import findings
 from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import Transform

@@ -4,8 +4,8 @@ import numpy as np
 
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.regions import Ball, Box, HalfSpace
 from dfd.editing.points import Place, place_on
+from dfd.editing.regions import Ball, Box, HalfSpace
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane

@@ -11,9 +11,9 @@ from dfd.common import check
 from dfd.common.described import About, Brief, Tagged, about, check_fields
 from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
-from dfd.editing.influence.regions import Region
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import LARGEST, PRESETS, Counterparts, Reach
+from dfd.editing.regions import Region
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:

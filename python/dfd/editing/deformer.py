@@ -20,8 +20,8 @@ from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.regions import VertexSet
 from dfd.editing.presets import SymmetryCandidates
+from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.field.compatibility import check_compatible
@@ -137,7 +137,7 @@ class Deformer(History):
         ----------
         at
             The place: a vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or a
-            region of `dfd.editing.influence.regions` makes all of its vertices the handle. A text is "part@1,2,3"
+            region of `dfd.editing.regions` makes all of its vertices the handle. A text is "part@1,2,3"
             (the part at this point), "piece@812" (the part at vertex 812 without its counterparts), or one of the texts
             of `dfd.editing.points.find`.
         translation
@@ -382,7 +382,7 @@ class Deformer(History):
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
-        return self.bound.by_features.of(self.edit)[0]
+        return self.bound.weights(self.edit)
 
     @property
     def following(self) -> Float32:

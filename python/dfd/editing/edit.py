@@ -18,17 +18,15 @@ from dfd.common.errors import ArgumentError, within
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
-from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
+from dfd.editing.regions import members
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import Blend
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
-
-MOST_LINEAR = 30.0  # largest rotation, in degrees, that is blended linearly; at 30°, the blend thins a part by 3 %
 
 
 @dataclass(frozen=True, repr=False)
@@ -124,10 +122,13 @@ class Edit(Brief):
 
     @property
     def blending(self) -> Blend:
-        """Return the argument `blend` of `dfd.pose`. Dual quaternions keep parts thick under large rotations."""
-        angles = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
-        large = self.rules.blend == "auto" and max(angles, default=0.0) > MOST_LINEAR
-        return "dual_quaternion" if large else "linear"
+        """Return the argument `blend` of `dfd.pose`. Dual quaternions keep parts thick under rotations.
+
+        Without rotations, both blends give the same result, so nothing jumps where the blend changes.
+        """
+        moves = [handle.transform for handle in self.handles] + [self.default or Transform()]
+        turns = self.rules.blend == "auto" and any(any(each.rotation) for each in moves)
+        return "dual_quaternion" if turns else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # same name as in `Handle`
         """Return the handle with an id. Raises ValueError if there is none."""

@@ -69,9 +69,9 @@ from dfd.common.files import write_file
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, band_on, box_center, edit_on, symmetry_on
-from dfd.editing.influence.regions import SAME_POSITION, Region, VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS
+from dfd.editing.regions import SAME_POSITION, Region, VertexSet
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, Vector

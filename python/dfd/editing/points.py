@@ -14,8 +14,8 @@ import numpy as np
 from dfd.common import check
 from dfd.common.described import Brief, Tagged, Written
 from dfd.common.errors import ArgumentError, within
-from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.presets import LARGEST
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:

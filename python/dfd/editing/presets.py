@@ -30,7 +30,7 @@ class Rules:
     pivot: Literal["auto", "point"] = "auto"
     # equalize: whether the weights of less similar counterparts are raised to those of the handle's own component
     equalize: bool = True
-    # overlap, blend: arguments of `dfd.pose`. "auto" is "linear" up to rotations by 30° (`Edit.blending`).
+    # overlap, blend: arguments of `dfd.pose`. "auto" is "linear" without rotations (`Edit.blending`).
     overlap: Literal["add", "paper"] = "add"
     blend: Literal["auto", "linear"] = "auto"
     # reach_targets: whether all weights of a handle are scaled up if fixed points lower the weight at the handle itself

@@ -1,18 +1,21 @@
 """Report the effect of an edit on a shape, in numbers and in one sentence."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64
-from dfd.editing.edit import Edit
+from dfd.common.linear_algebra import Float64, Int32
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.geometry.topology import face_sides
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
 
 # Smallest visible distance, as a fraction of the bounding-box diagonal. A vertex counts as moved if it moves further.
 # A handle counts as arrived if its distance from its target is at most this.
 VISIBLE = 1e-3
+LEAST_STRETCH = 1.05  # smaller stretches of edges are not mentioned
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,10 @@ class HandleReport:
     mirrored: Vector | None  # (3,) mirror image of the handle, at which the handle also acts, or None
     counterparts: int  # number of counterparts with pivots of their own, without weak ones; 1 if all share one pivot
     along_with: tuple[int, ...] = ()  # ids of handles that also move this handle, because their parts contain its part
+    share: float | None = None  # area that the handle's part moves, as a fraction of the surface; None without a part
+    level: int | None = None  # level of the part; None without a part
+    levels: tuple[int, int] = (0, 0)  # the lowest and the highest level of the parts at the handle
+    note: str | None = None  # what differs from what was asked, such as a level that does not exist
 
     def __str__(self) -> str:
         """Return the result in a few words."""
@@ -40,7 +47,10 @@ class HandleReport:
             words += f", along with handle {' and '.join(map(str, self.along_with))}"
         if self.mirrored is not None:
             words += f", mirrored at {','.join(f'{x:.3g}' for x in self.mirrored)}"
-        return words
+        if self.share is not None:
+            low, high = self.levels
+            words += f", with a part of {_percent(self.share)} of the surface at level {self.level} of {low} to {high}"
+        return words if self.note is None else f"{words}, {self.note}"
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,7 @@ class Report:
 
     moved: float  # fraction of vertices that moved by more than 0.1 % of the bounding-box diagonal
     farthest: float  # largest distance that a vertex moved, mesh units
+    stretch: float  # largest factor by which an edge became longer; at least 1
     handles: tuple[HandleReport, ...]  # result of each handle
     warning: str | None  # the reason why nothing moved, or None if a vertex moved
     advice: str | None = None  # a sentence about handles whose scale flattens or mirrors; None if no scale does
@@ -61,15 +72,20 @@ class Report:
         """Return the result in one sentence."""
         if self.warning is not None:
             return self.warning
-        share = "less than 1" if 0 < self.moved < 0.01 else f"{100 * self.moved:.0f}"
-        told = [f"moved {share} % of the vertices, up to {self.farthest:.3g}"]
-        if len(self.handles) > 1 and all(handle.arrived and handle.mirrored is None for handle in self.handles):
+        told = [f"moved {_percent(self.moved)} of the vertices, up to {self.farthest:.3g}"]
+        if self.stretch >= LEAST_STRETCH:
+            told[0] += f", and stretched edges up to {self.stretch:.1f} times"
+        if len(self.handles) > 1 and all(each.arrived and each.mirrored is each.note is None for each in self.handles):
             told.append(f"all {len(self.handles)} handles arrived")
         else:
             told += map(str, self.handles)
         if self.advice is not None:
             told.append(self.advice)
         return "; ".join(told)
+
+
+def _percent(share: float) -> str:
+    return "less than 1 %" if 0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
 def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
@@ -103,9 +119,48 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
                 mirrored=image if np.linalg.norm(np.subtract(image, place)) > visible else None,
                 counterparts=counts[i],
                 along_with=tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers})),
+                **_part(edit, handle, weights),
             )
         )
-    return Report(moved, float(distances.max()), tuple(handles), None if moved else _warning(edit), _advice(edit))
+    stretch = largest_stretch(mesh.vertices, posed, mesh.faces)
+    return Report(
+        moved, float(distances.max()), stretch, tuple(handles), None if moved else _warning(edit), _advice(edit)
+    )
+
+
+def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
+    """Return the fields of `HandleReport` that describe the part of a handle; none if it moves no part."""
+    held = weights.held(edit, handle)
+    if handle.controls.reach != "part":
+        return {}
+    lowest, highest = weights.parts.levels(weights.rows.anchor(handle.place))
+    if held is None:
+        return {"levels": (lowest, highest), "note": "with weights by features, because it lies on no part"}
+    asked, notes = handle.controls.level, []
+    if not lowest <= asked <= highest:
+        notes.append(f"because level {asked} does not exist")
+    elif held.level != asked:
+        notes.append("because no part here has a clear border")
+    if handle.transform.bends and (parts := weights.bendable_parts(edit, handle)) and not parts[0].slender:
+        level = weights.level_with_axis(edit, handle)
+        instead = "" if level is None else f" (level {level} has one)"
+        notes.append(f"turned as a whole, because its part has no axis along which it could bend{instead}")
+    on = [moves for _, moves in weights.counterparts(edit, handle)]
+    share = sum(held.area(number) for number, moves in enumerate(on) if moves)
+    note = " and ".join(notes) or None
+    return {"share": share, "level": held.level, "levels": (lowest, highest), "note": note}
+
+
+def largest_stretch(rest: Float64, posed: Float64, faces: Int32) -> float:
+    """Return the largest factor by which a side of `faces` (F, 3) became longer, at least 1.
+
+    Sides of moved faces count if they are longer than a millionth of the longest side.
+    """
+    moved = (posed != rest).any(axis=1)
+    sides = face_sides(faces[moved[faces].any(axis=1)])
+    before, after = (np.linalg.norm(points[sides[:, 0]] - points[sides[:, 1]], axis=1) for points in (rest, posed))
+    long = before > 1e-6 * before.max(initial=0.0)
+    return float((after[long] / before[long]).max(initial=1.0))
 
 
 def _transformed(matrix: Float64, point: Float64) -> Float64:

@@ -5,31 +5,35 @@ from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.counterparts import Column
+from dfd.editing.influence.fill import Band, bands_of, fill
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.plan import Column
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
-from dfd.segmentation.parts import Band
 
 
 class PosedShape:
     """Compute the posed vertices of an edit, and cache those of the latest edit.
 
     A `dfd.Drag` stores the displacements by all handles that do not move. It is used if an edit changes only the
-    transforms of at most half of the handles, and the blend bands (`Grips.band`) stay equal.
+    transforms of at most half of the handles. A frame only changes the weights of these handles, in their blend bands.
     """
 
-    def __init__(self, mesh: Mesh, weights: HandleWeights, bands: Sequence[Band] | None = None) -> None:
-        """Store the arguments. `bands` are the blend bands of the handles; if it is None, transforms determine them."""
+    def __init__(
+        self, mesh: Mesh, weights: HandleWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
+    ) -> None:
+        """Store the arguments. `columns` are weights (V, C) and their columns for all edits, as those of a skin.
+
+        If `columns` is None, each edit determines its own.
+        """
         self._mesh = mesh
         self._weights = weights
-        self._bands = bands
+        self._skin = columns
         self._edit = Edit()
         self._vertices = mesh.vertices
-        self._drag: Drag | None = None
-        self._moving: dict[int, list[Column]] = {}  # the columns of each handle that `_drag` moves, by its index
+        self._drag: _MovingColumns | None = None
 
     def of(self, edit: Edit) -> Float64:
         """Return the posed vertices (V, 3) of `edit` in mesh units, read-only."""
@@ -41,20 +45,27 @@ class PosedShape:
 
     def _posed(self, edit: Edit) -> Float64:
         moved = _moved(self._edit, edit)
-        if moved and self._bands is None:
-            bands = [[self._weights.grips.band(each.handles[i]) for i in moved] for each in (self._edit, edit)]
-            moved = moved if bands[0] == bands[1] else None
         if moved == []:
             return self._vertices
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
-        if self._drag is None or not self._moving.keys() >= set(moved):
-            weights, columns = self._weights.columns(edit, self._bands)
+        if self._skin is None:
+            plan = self._weights.plan(edit)
+            if plan.crowded or (edit.default is not None and any(column.pieces for column in plan.columns)):
+                self._drag = None  # weights of handles at rest, or of the default transform, change with the bands too
+                return self._whole(edit)
+        if self._drag is None or not self._drag.handles >= set(moved):
+            weights, columns = self._columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
-            self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
-        return self._drag.pose([column.matrix(edit) for columns in self._moving.values() for column in columns])
+            drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
+            rows = [drag.weights[:, row] for row in (range(len(moving)) if edit.blending == "linear" else moving)]
+            bands = None if self._skin is not None else [self._weights.bands(edit)[i] for i in moving]
+            self._drag = _MovingColumns(self._mesh, drag, [columns[i] for i in moving], rows, bands)
+        return self._drag.pose(edit)
+
+    def _columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        return self._weights.columns(edit) if self._skin is None else self._skin
 
     def _whole(self, edit: Edit) -> Float64:
         if _pose_key(edit) == _pose_key(Edit()):
@@ -62,7 +73,7 @@ class PosedShape:
         bent = self._weights.bent(edit)
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
-        weights, columns = self._weights.columns(edit, self._bands)
+        weights, columns = self._columns(edit)
         return pose(bent, weights, **self._arguments(edit, columns))
 
     def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
@@ -75,6 +86,33 @@ class PosedShape:
             "overlap": edit.rules.overlap,
             "blend": edit.blending,
         }
+
+
+class _MovingColumns:
+    """A drag, and the columns that it moves. Their weights are changed in place where bands change."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        drag: Drag,
+        columns: Sequence[Column],
+        weights: Sequence[Float32],
+        bands: list[tuple[Band, ...]] | None,
+    ) -> None:
+        """Store the arguments. `weights` are columns (V,) of `drag.weights`; with `bands` None, they do not change."""
+        self._mesh, self._drag, self._columns = mesh, drag, columns
+        self._weights, self._bands = weights, bands
+        self.handles = {column.handle for column in columns}
+
+    def pose(self, edit: Edit) -> Float64:
+        """Return the vertices (V, 3) of `edit`."""
+        if self._bands is not None:
+            for i, column in enumerate(self._columns):
+                bands = bands_of(column, self._mesh, edit)
+                if bands != self._bands[i]:
+                    fill(column, bands, self._weights[i], bands_only=True)
+                    self._bands[i] = bands
+        return self._drag.pose([column.matrix(edit) for column in self._columns])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

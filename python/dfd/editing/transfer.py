@@ -13,8 +13,8 @@ from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.regions import HalfSpace, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
+from dfd.editing.regions import HalfSpace, Region, VertexSet, members
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, sample_surface
 from dfd.mesh.mesh import Mesh

@@ -13,17 +13,17 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.bendable_parts import bend_vector, pivot_on
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.held_parts import bend_vector, pivot_on
-from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
+from dfd.editing.regions import VertexSet
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
     """Return `edit` with one more handle, whose id is `handle`."""
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
-    place = place_of(weights, at)
+    place = place_of(weights, at, given.get("level") or 0)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
     others: Any = {control: value for control, value in given.items() if control not in parts}
     transform = _transform(Transform(), weights, place, parts)
@@ -45,13 +45,13 @@ def change(
 ) -> Edit:
     """Return `edit` with another place, other controls or another name for a handle."""
     held = edit.handle(handle)
-    place = held.place if at is None else place_of(weights, at)
+    place = held.place if at is None else place_of(weights, at, controls.get("level") or 0)
     shaped = held.controls.changed(**_controls(weights, place, controls, held.controls.level))
     new = replace(held, place=place, controls=shaped, name=held.name if name is None else name)
     changed, pivot_at = edit.replaced(new), held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if not weights.held_parts(changed, new):
+    if not weights.bendable_parts(changed, new):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -69,12 +69,15 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
 def part_at(weights: HandleWeights, at: Any, level: int = 0, *, alike: bool = True) -> VertexSet:
     """Return the vertices of the part at a place. `level` and `alike` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
-    return VertexSet.of(weights.mesh, weights.grips.parts.part(vertex, level, alike=alike).mask)
+    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, alike=alike).mask)
 
 
-def place_of(weights: HandleWeights, at: Any) -> Place:
-    """Return the place for a vertex, a point, a region or a text. A text may name a part, such as "part@812"."""
-    return place_on(weights.mesh, _part_named(weights, at))
+def place_of(weights: HandleWeights, at: Any, level: int = 0) -> Place:
+    """Return the place for a vertex, a point, a region or a text. A text may name a part, such as "part@812".
+
+    `level` is the level of a named part.
+    """
+    return place_on(weights.mesh, _part_named(weights, at, level))
 
 
 def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any], level: int = 0) -> dict[str, Any]:
@@ -85,16 +88,16 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any], le
     mask = given.get("mask")
     if isinstance(mask, str):
         now = level if given.get("level") is None else given["level"]
-        mask = part_at(weights, place, now) if mask == "part" else _part_named(weights, mask)
+        mask = part_at(weights, place, now) if mask == "part" else _part_named(weights, mask, 0)
     return controls_on(weights.mesh, {**given, "mask": mask})
 
 
-def _part_named(weights: HandleWeights, at: Any) -> Any:
+def _part_named(weights: HandleWeights, at: Any, level: int) -> Any:
     """Return `at`. Two kinds of texts give a part: "part@812", and "piece@812" without counterparts."""
     if not isinstance(at, str):
         return at
     kind, _, where = at.partition("@")
-    return part_at(weights, where, alike=kind == "part") if where and kind in ("part", "piece") else at
+    return part_at(weights, where, level, alike=kind == "part") if where and kind in ("part", "piece") else at
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
@@ -140,11 +143,13 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
         missing = given.get("bend") is None
         must = "given with `towards`" if missing else "one angle, and not a vector, beside `towards`"
         raise ArgumentError("bend", f"must be {must}")
-    parts = weights.held_parts(edit, held)
+    parts = weights.bendable_parts(edit, held)
     if not parts:
         if not found:
             return edit
-        raise ArgumentError(next(iter(found)), "needs a part with an axis, and the handle holds none")
+        level = weights.level_with_axis(edit, held)
+        instead = "" if level is None else f"; the part at level {level} has one"
+        raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
     own = parts[0]
     part: dict[str, Any] = {}
     if "open" in found:

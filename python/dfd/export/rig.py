@@ -1,14 +1,15 @@
 """Convert a session to a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.counterparts import Column
+from dfd.editing.influence.fill import Band, bands_of
+from dfd.editing.influence.plan import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
@@ -16,7 +17,6 @@ from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
-from dfd.segmentation.parts import Band
 from dfd.symmetry.plane import SymmetryPlane
 
 BATCH = 1 << 14  # vertices per batch; batches avoid a second array as large as all weights
@@ -89,9 +89,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         for handle in edit.handles
     }
     # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest sizes needed.
-    band = session.bound.grips.band
-    needed = ([band(replace(handle, transform=each)) for each in moves[handle.id]] for handle in edit.handles)
-    bands = [Band(*map(max, zip(*each, strict=True))) for each in needed]
+    bands = _widest([edit, *(posed_edit(edit, pose) for pose in poses)], session)
     weights, columns = session.bound.columns(edit, bands)
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far
@@ -114,8 +112,15 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ below)
     of, sides = np.array(of_column, int), np.array(mirrored, bool)
-    posed = PosedShape(session.mesh, session.bound, bands)
+    posed = PosedShape(session.mesh, session.bound, (weights, columns))
     return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
+
+
+def _widest(edits: Sequence[Edit], session: Deformer) -> list[tuple[Band, ...]]:
+    """Return the blend bands (C,) of the columns of the first of `edits`, each as wide as the widest in all `edits`."""
+    columns = session.bound.plan(edits[0]).columns
+    needed = zip(*([bands_of(column, session.mesh, edit) for column in columns] for edit in edits), strict=True)
+    return [tuple(Band(*map(max, zip(*piece, strict=True))) for piece in zip(*each, strict=True)) for each in needed]
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:

@@ -13,12 +13,14 @@ from scipy.spatial import cKDTree
 import dfd._core as _core
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
-from dfd.geometry.surface_graph import surface_graph, surface_links
-from dfd.geometry.topology import face_sides, first_at_place
+from dfd.geometry.surface_graph import GAPS, seam_links, surface_graph, surface_links
+from dfd.geometry.topology import face_sides, first_at_place, vertex_areas
 from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # largest number of vertices of a mesh in which each vertex is a node
+MOST_CLUSTERS = 2 * MOST_NODES  # with more nodes than this, nodes may contain vertices on both sides of a gap
 CELLS = 100  # number of grid cells along the longest side of the mesh's bounding box
+SHORTEST = 1e-9  # smallest length of an edge, in diagonals, because 0 means no edge to graph algorithms
 RUN = 1 << 17  # number of faces per batch, which limits temporary memory
 
 
@@ -50,12 +52,14 @@ class Nodes:
         (V,) the node of each vertex. In a mesh with at most `MOST_NODES` vertices, each vertex is a node.
     graph
         (N, N) distances between the centers of neighboring nodes, in mesh units.
+    surface
+        (N, N) `graph` without edges across gaps. Positions of a seam (`seam_links`) are neighbors.
     center
         (N, 3) mean position of each node's vertices.
     members, starts, ends
         The vertices of node n are `members[starts[n] : ends[n]]`.
     component
-        (N,) index of the surface component that contains each node. Edges of `graph` across gaps do not count.
+        (N,) index of the connected component of `surface` that contains each node.
     used
         (N,) whether the node's component has a face. No other node belongs to a part of the shape.
     """
@@ -63,20 +67,27 @@ class Nodes:
     def __init__(self, mesh: Mesh) -> None:
         vertices = mesh.vertices
         count = len(vertices)
-        self._are_vertices = count <= MOST_NODES
-        links = None if self._are_vertices else surface_links(mesh)
-        self.of_vertex = np.arange(count, dtype=np.int32) if links is None else _clustered(mesh, links)
+        self.are_vertices = count <= MOST_NODES
+        links, seams = None if self.are_vertices else surface_links(mesh), seam_links(mesh)
+        self.of_vertex = np.arange(count, dtype=np.int32)
+        if links is not None:
+            self.of_vertex = _clustered(mesh, seams)
+            if self.of_vertex.max() >= MOST_CLUSTERS:  # thousands of leaves, for example
+                self.of_vertex = _clustered(mesh, links)
         size = np.bincount(self.of_vertex)
         self.center = group_sums(self.of_vertex, vertices, len(size)) / size[:, None]
-        self.graph = surface_graph(mesh) if links is None else _contracted(mesh, links, self.of_vertex, self.center)
+        self.surface = _contracted(mesh, seams, self.of_vertex, self.center)
+        self.graph = (
+            surface_graph(mesh) if links is None else _with_edges(self.surface, self.of_vertex[links], self.center)
+        )
         self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
         first = first_at_place(mesh)
-        component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
+        component = _core.components(len(first), first[mesh.faces], seams)[first]
         self.component = component[self.members[self.starts]]
         self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
-        self._vertices = vertices
+        self._vertices, self._faces = vertices, mesh.faces
 
     def shares(self, parts: Float64) -> list[Share]:
         """Interpolate the rows of `parts` (K, N) to the vertices. Return each row, divided by the sum of all rows."""
@@ -84,7 +95,7 @@ class Nodes:
         total = rows.sum(axis=0)
         found = []
         for row in rows:
-            near = row if self._are_vertices else self._reach @ (row > 0).astype(np.float32)
+            near = row if self.are_vertices else self.reach @ (row > 0).astype(np.float32)
             vertices = np.flatnonzero(near[self.of_vertex] > 0)
             some, all_of = self.interpolated(np.stack([row, total], axis=1), vertices).T
             above = some > 0
@@ -93,12 +104,12 @@ class Nodes:
 
     def interpolated(self, values: Float32, vertices: NDArray[np.integer] | None = None) -> Float32:
         """Return the `values` (N, K) of nodes, interpolated to `vertices` (M,), as (M, K). None means all vertices."""
-        if self._are_vertices:
+        if self.are_vertices:
             return values[self.of_vertex if vertices is None else vertices]
         chosen = np.arange(len(self.of_vertex), dtype=np.int32) if vertices is None else vertices.astype(np.int32)
         rows = np.ascontiguousarray(values.reshape(len(self.center), -1), np.float32)
         found = _core.empty_float32(len(chosen), rows.shape[1])
-        reach = self._reach
+        reach = self.reach
         index = self.of_vertex, reach.indptr, reach.indices, chosen
         _core.interpolate(self._vertices, self.center, *index, rows, found, get_num_threads())
         return found.reshape(len(chosen), *values.shape[1:])
@@ -114,12 +125,28 @@ class Nodes:
         return found
 
     @cached_property
+    def follows(self) -> Int64:
+        """Return the node (N,) that each node follows: itself, or without faces, the nearest one with faces nearby."""
+        follows, stray, used = np.arange(len(self.center)), np.flatnonzero(~self.used), np.flatnonzero(self.used)
+        if len(stray) and len(used):
+            bound = GAPS[-1] * float(np.linalg.norm(np.ptp(self.center[used], axis=0)))
+            apart, nearest = cKDTree(self.center[used]).query(self.center[stray], distance_upper_bound=bound)
+            follows[stray[np.isfinite(apart)]] = used[nearest[np.isfinite(apart)]]
+        return follows
+
+    @cached_property
+    def area(self) -> Float64:
+        """Return the area (N,) of each node, in squared mesh units."""
+        areas = vertex_areas(self._vertices, self._faces)
+        return np.bincount(self.of_vertex, areas, len(self.center)).astype(np.float64)
+
+    @cached_property
     def tree(self) -> cKDTree:
         """Return the search tree of the centers."""
         return cKDTree(self.center)
 
     @cached_property
-    def _reach(self) -> csr_array:
+    def reach(self) -> csr_array:
         """Return a matrix (N, N): row n has the nodes from which values at node n's vertices are interpolated."""
         reach = csr_array(self.graph.astype(bool) + eye_array(len(self.center), dtype=bool))
         reach.indptr, reach.indices = reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
@@ -157,8 +184,20 @@ def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32, center: Float64) -> 
     for ends in _edges(mesh, links):
         nodes = of_vertex[ends]
         found.append(distinct_pairs(nodes[nodes[:, 0] != nodes[:, 1]], len(center))[0])
-    low, high = distinct_pairs(np.concatenate(found), len(center))[0].T
-    length = np.maximum(np.linalg.norm(center[low] - center[high], axis=1), 1e-12)
+    return _graph(np.concatenate(found), center)
+
+
+def _with_edges(graph: csr_array, pairs: Int32, center: Float64) -> csr_array:
+    """Return `graph` (N, N) with further edges between the `pairs` (L, 2) of nodes."""
+    row = np.repeat(np.arange(len(center)), np.diff(graph.indptr))
+    return _graph(np.concatenate([np.stack([row, graph.indices], axis=1), pairs[pairs[:, 0] != pairs[:, 1]]]), center)
+
+
+def _graph(pairs: NDArray[np.integer], center: Float64) -> csr_array:
+    """Return the symmetric graph (N, N) with edges between the `pairs` (E, 2) of nodes, by the distance of `center`."""
+    low, high = distinct_pairs(pairs, len(center))[0].T
+    least = SHORTEST * float(np.linalg.norm(np.ptp(center, axis=0))) + np.finfo(float).tiny
+    length = np.maximum(np.linalg.norm(center[low] - center[high], axis=1), least)
     both = np.concatenate([low, high]), np.concatenate([high, low])
     graph = csr_array((np.concatenate([length, length]), both), shape=(len(center), len(center)))
     graph.sort_indices()

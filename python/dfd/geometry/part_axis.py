@@ -5,18 +5,17 @@ through the part, such as a hoof, is attached to the part and moves with it. A n
 (`dfd.geometry.coarse`), except in `PartAxis.nodes`, which are points of the curve.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, unit
 from dfd.geometry.coarse import Nodes, nodes_of
-from dfd.geometry.topology import even_points, face_areas, vertex_areas
+from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
 
 NODES = 33  # number of points of the curve
@@ -68,11 +67,16 @@ class PartAxis:
         return np.asarray(unit((self.nodes[-1] - self.nodes[0])[None])[0])
 
     @property
-    def is_limb(self) -> bool:
-        """Return whether the part has one border, is longer than `SLENDER` times its width, and is not a wheel."""
+    def is_slender(self) -> bool:
+        """Return whether the part is longer than `SLENDER` times its width, and is not a wheel."""
         if self.spread[1] > ROUND * self.spread[2] and self.spread[0] < FLAT * self.spread[2]:
             return False
-        return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
+        return self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
+
+    @property
+    def is_limb(self) -> bool:
+        """Return whether the part is slender and has one border with the rest of the shape."""
+        return self.borders == 1 and self.is_slender
 
     @cached_property
     def tangents(self) -> Float64:
@@ -129,18 +133,12 @@ class PartAxes:
     def _nodes(self) -> Nodes:
         return nodes_of(self._mesh)
 
-    @cached_property
-    def _areas(self) -> Float64:
-        """Return the area (N,) of each node, in squared mesh units."""
-        areas = vertex_areas(self._mesh.vertices, self._mesh.faces)
-        return np.bincount(self._nodes.of_vertex, areas, len(self._nodes.center)).astype(np.float64)
-
     def of(self, inside: Bool) -> list[PartAxis]:
         """Return an axis for each large component of the part `inside` (V,), the largest component first."""
         nodes = self._nodes
         own = np.flatnonzero(2 * np.bincount(nodes.of_vertex, inside) > nodes.ends - nodes.starts)
         component = connected_components(nodes.graph[own][:, own], directed=False)[1]
-        area = np.bincount(component, self._areas[own])
+        area = np.bincount(component, self._nodes.area[own])
         order = np.argsort(-area, kind="stable")
         of_node = np.full(len(nodes.center), -1)
         of_node[own] = component
@@ -149,18 +147,6 @@ class PartAxes:
         large = (k for k in order if area[k] > SMALL_COMPONENT * area[order[0]])
         found = [self._of_component(own[component == k], self._mesh.faces[of_face == k]) for k in large]
         return [axis for axis in found if axis is not None]
-
-    def image(self, axis: PartAxis, isometry: Float64) -> PartAxis:
-        """Return the axis of a counterpart: the image of `axis` under `isometry` (3, 4), a rigid or mirrored motion.
-
-        The result has no vertices if the mesh has no vertices at the image of the part.
-        """
-        nodes, linear, shift = self._nodes, isometry[:, :3], isometry[:, 3]
-        total = np.bincount(nodes.of_vertex[axis.vertices], axis.parameter, len(nodes.center))
-        some, values = carried(nodes.center, nodes.tree, total / (nodes.ends - nodes.starts), isometry)
-        vertices, parameter = self._on_vertices(some, values)
-        moved = {name: getattr(axis, name) @ linear.T + shift for name in ("nodes", "border", "middle", "rest")}
-        return replace(axis, vertices=vertices, parameter=parameter, **moved)
 
     def _of_component(self, own: Int64, faces: Int32) -> PartAxis | None:
         """Return the axis of a component with nodes `own` (M,) and `faces` (F, 3); None if the length or area is 0."""
@@ -172,7 +158,7 @@ class PartAxes:
         outside = np.flatnonzero(~inside)
         region = np.full(len(inside), -1)  # index of the connected region of each node outside the part
         region[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
-        area = np.bincount(region[outside], self._areas[outside])
+        area = np.bincount(region[outside], self._nodes.area[outside])
         around = np.unique(region[beside & ~inside])
         rests = around[area[around] > ATTACHED * area[around].max()] if len(around) else around
         is_rest = np.isin(region, rests) & (region >= 0)
@@ -197,7 +183,7 @@ class PartAxes:
         nodes, radius, parameter = curve
         rise = np.clip(away / max(RISE * radius[: NODES // 4].mean(), 1e-300), 0.0, 1.0)
         parameter = np.clip(parameter, 0.0, 1.0) * rise * rise * (3 - 2 * rise)
-        weight = self._areas[own]
+        weight = self._nodes.area[own]
         points, weight = center[own], weight if weight.sum() > 0 else np.ones(len(own))
         middle = np.average(points, axis=0, weights=weight)
         spread = np.linalg.eigvalsh(np.cov(points.T, aweights=weight, ddof=0)).astype(np.float64)
@@ -296,25 +282,6 @@ class PartAxes:
             far = np.clip(distance[here] / max(distance[here].max() / 3, 1e-300), 0.0, 1.0)
             result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
         return nodes, result
-
-
-def carried(vertices: Float64, tree: cKDTree, values: Float64, isometry: Float64) -> tuple[Int64, Float64]:
-    """Return the vertices (N,) that have values above 0 after the motion `isometry` (3, 4), and their new values (N,).
-
-    The new value of a vertex is the mean of `values` (V,) at the four vertices nearest to its position before the
-    motion, weighted by the inverse squared distance. `tree` is the search tree of `vertices` (V, 3).
-    """
-    linear, shift = isometry[:, :3], isometry[:, 3]
-    some = vertices[values > 0]
-    margin = 0.05 * np.ptp(some, axis=0).max(initial=0.0)
-    corners = np.stack(np.meshgrid(*np.stack([some.min(axis=0) - margin, some.max(axis=0) + margin]).T), -1)
-    box = corners.reshape(-1, 3) @ linear.T + shift
-    near = np.flatnonzero(((vertices >= box.min(axis=0)) & (vertices <= box.max(axis=0))).all(axis=1))
-    shape = len(near), min(4, len(vertices))
-    apart, nearest = (found.reshape(shape) for found in tree.query((vertices[near] - shift) @ linear, k=shape[1]))
-    weight = 1.0 / np.square(apart + 1e-6 * (margin + 1e-300))
-    found = (weight * values[nearest]).sum(axis=1) / weight.sum(axis=1)
-    return near[found > 0], found[found > 0]
 
 
 def _fitted(at: Float64, parameter: Float64, values: Float64, width: float, *, straight: bool = True) -> Float64:

@@ -16,6 +16,8 @@ from dfd.mesh.weld import weld
 # join components first across the smaller of GAPS, then across the larger. Components that are joined across the
 # smaller gap get no bridges across the larger one: legs that meet at the hips stay separate at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
+SEAM = 1e-3  # largest opening of a seam, in diagonals of the bounding box; quantized files open seams this far
+SEAM_NEIGHBORS = 5  # number of border vertices that are compared with each border vertex
 _MOST_POINTS = 400_000  # largest number of samples on edges, and of samples on faces
 _LABELS_IN_CELL = 4  # largest number of components of a grid cell that are paired with those of other cells
 
@@ -57,6 +59,42 @@ def surface_links(mesh: Mesh) -> Int32:
     if component.max(initial=0) == 0:
         return links
     return np.concatenate([links, bridges(scaled, mesh.faces, component).astype(np.int32)])
+
+
+def seam_links(mesh: Mesh) -> Int32:
+    """Return pairs (L, 2) of vertices: at equal positions, or at nearby positions on both sides of an open seam.
+
+    A seam is a border of the surface along which another border runs, as in files that were cut into pieces, quantized
+    and written. Two vertices at borders are linked if their distance is at most `SEAM` times the diagonal of the
+    bounding box, and at most half of the shortest side of a face there. A narrow slit on a fine mesh stays open.
+    """
+    first = first_at_place(mesh)
+    moved = np.flatnonzero(first != np.arange(len(first)))
+    links = np.column_stack([moved, first[moved]]).astype(np.int32)
+    faces = first[mesh.faces]
+    # Around an inner vertex, the sides opposite to it form closed loops, so these differences have the sum 0.
+    turn = np.zeros(len(first))
+    for one, other, last in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turn += np.bincount(faces[:, one], faces[:, other] - faces[:, last].astype(np.float64), len(first))
+    border = np.flatnonzero(turn)
+    if len(border) < 2:
+        return links
+    sides = face_sides(faces[(turn[faces] != 0).any(axis=1)])
+    length = np.linalg.norm(mesh.vertices[sides[:, 0]] - mesh.vertices[sides[:, 1]], axis=1)
+    shortest = np.full(len(first), np.inf)
+    positive = length > 0
+    for ends in sides[positive].T:
+        np.minimum.at(shortest, ends, length[positive])
+    near = np.minimum(SEAM * mesh.diagonal, shortest[border] / 2)
+    neighbors = min(SEAM_NEIGHBORS, len(border))
+    apart, found = cKDTree(mesh.vertices[border]).query(
+        mesh.vertices[border], k=neighbors, distance_upper_bound=np.nextafter(near.max(), np.inf)
+    )
+    one = np.repeat(np.arange(len(border)), neighbors)
+    some = np.isfinite(apart.ravel()) & (found.ravel() != one)
+    one, other, apart = one[some], found.ravel()[some], apart.ravel()[some]
+    close = apart <= np.minimum(near[one], near[other])
+    return np.concatenate([links, np.column_stack([border[one[close]], border[other[close]]]).astype(np.int32)])
 
 
 def _scaled(mesh: Mesh) -> tuple[float, Float64]:

@@ -224,6 +224,14 @@ class Drag:
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
         self._rule = rule._replace(rest=IDENTITY, positive=positive, places=None, mixing=None, overlap=0)
 
+    @property
+    def weights(self) -> Float32:
+        """Return the weights that `pose` uses, which can be changed between two poses if D₀ is the identity.
+
+        They are those of the moving handles, (V, M), or with dual quaternions those of all handles, (V, H).
+        """
+        return self._weights
+
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
         """Return the vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the handles, in the order of `moving`.
 

@@ -59,7 +59,7 @@ def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Pag
     assert all(message["type"] != "state" or not message["handles"] for message in new_page.heard)
     one, other = session_of(page).require().deformer, session_of(new_page).require().deformer
     assert one.features is other.features
-    assert one.bound.grips.parts is other.bound.grips.parts
+    assert one.bound.parts is other.bound.parts
     np.testing.assert_array_equal(other.vertices, other.mesh.vertices)
     assert one.part(5) == other.part(5)
 

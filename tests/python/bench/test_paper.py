@@ -57,7 +57,7 @@ def small(monkeypatch) -> None:
     monkeypatch.setattr(subjects, "QUICK_PAPER", {})
     monkeypatch.setattr(subjects, "LONGEST_EDGE", 0.2)
     monkeypatch.setattr(resolution, "FACES", (300, 900))
-    monkeypatch.setattr("dfd.editing.influence.grips.symmetry_planes", lambda field, mesh: [])
+    monkeypatch.setattr("dfd.editing.influence.handle_weights.symmetry_planes", lambda field, mesh: [])
     for module in (comparisons, resolution):
         monkeypatch.setattr(module, "run", lambda peer, mesh, jobs, **_: [Done(mesh.vertices, seconds) for _ in jobs])
 

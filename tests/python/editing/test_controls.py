@@ -6,7 +6,7 @@ from counting import Counting
 
 import dfd
 from dfd.editing.controls import Controls, controls_of, length_on
-from dfd.editing.influence.regions import Ball, HalfSpace
+from dfd.editing.regions import Ball, HalfSpace
 from dfd.posing.transforms import frame_of_normal
 
 

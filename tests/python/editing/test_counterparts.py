@@ -9,13 +9,12 @@ import pytest
 
 from dfd import Mesh, SymmetryPlane
 from dfd.editing.influence import counterparts
-from dfd.editing.influence.counterparts import find_counterparts
+from dfd.editing.influence.counterparts import find_counterparts, shares_everywhere
+from dfd.editing.influence.hold import hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
-from dfd.segmentation.parts import Border, Grip
 
-NO_BORDER = Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5, 0.0)
 SIDE = 41  # number of vertices along one side of a sheet
 
 
@@ -42,12 +41,6 @@ def vertex_at(mesh: Mesh, x: float, z: float) -> int:
     return int(np.linalg.norm(mesh.vertices - (x, 0, z), axis=1).argmin())
 
 
-def part(component: np.ndarray) -> Grip:
-    """Return a part whose `component` (V,) is given for each vertex; −1 stands for vertices outside the part."""
-    inside = (component >= 0).astype(np.float32)
-    return Grip(inside, inside, component, NO_BORDER)
-
-
 def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
     """Return the component (V,) of each vertex: the index of the place (x, z) within 0.25 of the vertex, or −1."""
     found = np.full(len(mesh.vertices), -1)
@@ -57,48 +50,30 @@ def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
 
 
 def find(
-    mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray | None, *planes: SymmetryPlane
-) -> tuple[counterparts.Counterpart, ...]:
-    grip = None if component is None else part(component)
-    return find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip, planes)[0]
+    mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray, *planes: SymmetryPlane
+) -> list[counterparts.Counterpart]:
+    """Return the counterparts of a handle on component 0."""
+    found = find_counterparts(mesh, component, vertex, mesh.vertices[vertex], lambda: weights, lambda: planes)
+    return [one for _, one in found]
 
 
-def share(mesh: Mesh, one: counterparts.Counterpart) -> np.ndarray:
-    return one.share.dense(len(mesh.vertices))
+def everywhere(mesh: Mesh, component: np.ndarray) -> np.ndarray:
+    """Return the share (K, V) of each component at every vertex."""
+    shares = shares_everywhere(nodes_of(mesh), component, mesh.diagonal)
+    return np.stack([each.dense(len(mesh.vertices)) for each in shares])
 
 
-@pytest.mark.parametrize("places", [None, [(-0.5, 0)]])
-def test_without_a_part_and_with_one_component_there_is_one_counterpart(places):
+def test_with_one_component_there_is_one_counterpart():
     mesh = sheet()
-    component = None if places is None else around(mesh, *places)
-    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0), component)
-    assert only.share is None
+    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0), around(mesh, (-0.5, 0)))
     assert only.weight == 1
     np.testing.assert_array_equal(only.frame, np.eye(3))
-
-
-def test_every_component_of_a_part_is_one_counterpart():
-    mesh = sheet()
-    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
-    pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
-    held = Grip(np.ones(len(pieces), np.float32), np.ones(len(pieces), np.float32), pieces, NO_BORDER)
-    vertex = vertex_at(mesh, -0.5, -0.5)
-    own, other = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
-    np.testing.assert_array_equal(share(mesh, own)[pieces == 1], 1)
-    np.testing.assert_array_equal(share(mesh, other)[pieces == 0], 1)
-    np.testing.assert_allclose(other.position, (0.5, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(share(mesh, own) + share(mesh, other), 1, atol=1e-6)
-    vertex = vertex_at(mesh, -0.1, 0.3)
-    beside, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], held)[0]
-    np.testing.assert_array_equal(
-        share(mesh, beside)[pieces == 1], 1, err_msg="a handle outside the part belongs to the nearest component"
-    )
 
 
 def test_counterparts_are_the_most_similar_vertices_of_their_components():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.6) + hill(mesh, 0.5, 0.5, 0.9)
-    component = around(mesh, (0.5, -0.5), (-0.5, -0.5), (0.5, 0.5))
+    component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
     own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), component)
     np.testing.assert_allclose(own.position, (-0.5, 0, -0.5), atol=1e-12)
     np.testing.assert_allclose(second.position, (0.5, 0, 0.5), atol=1e-12)
@@ -116,46 +91,23 @@ def test_a_component_inside_another_component_joins_it():
         tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
         mesh = Mesh(np.concatenate([tire, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
         component = (np.arange(len(mesh.vertices)) >= len(wheel.vertices)).astype(np.int64)
-        return len(find(mesh, np.ones(len(mesh.vertices), np.float32), vertex_at(mesh, 0, 0), component))
+        weights = np.ones(len(mesh.vertices), np.float32)
+        held = hold(mesh, component, vertex_at(mesh, 0, 0), (0, 0, 0), 0, lambda: weights, tuple)
+        return len(held.components)
 
     assert counted(0.0) == 1
     assert counted(5.0) == 2
 
 
-def test_shares_sum_to_1_and_each_is_1_at_its_own_counterpart():
+def test_shares_everywhere_sum_to_1_change_smoothly_and_are_1_on_their_own_components():
     mesh = sheet()
     component = around(mesh, (-0.5, 0), (0.5, 0))
-    whole = np.ones(len(component), np.float32)
-    vertex = vertex_at(mesh, -0.5, 0)
-    weights = hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9)
-    found = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], Grip(whole, whole, component, NO_BORDER))[0]
-    shares = np.stack([share(mesh, each) for each in found])
+    shares = everywhere(mesh, component)
     np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
     assert shares.min() >= 0
-    for number, each in enumerate(found):
-        assert shares[number, each.vertex] == 1
-
-
-def test_shares_outside_the_part_are_0_unless_everywhere_is_true():
-    mesh = sheet()
-    weights, vertex = hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0)
-    grip = part(around(mesh, (-0.5, 0), (0.5, 0)))
-    beyond = grip.component < 0
-    for everywhere in (False, True):
-        found, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip, everywhere=everywhere)
-        total = sum(share(mesh, each) for each in found)
-        np.testing.assert_allclose(total[~beyond], 1, atol=1e-6)
-        np.testing.assert_allclose(total[beyond], float(everywhere), atol=1e-6)
-
-
-def test_shares_change_smoothly_from_one_counterpart_to_the_next():
-    mesh = sheet()
-    component = around(mesh, (-0.5, 0), (0.5, 0))
-    whole = np.ones(len(component), np.float32)
-    vertex = vertex_at(mesh, -0.5, 0)
-    grip = Grip(whole, whole, component, NO_BORDER)
-    own, _ = find_counterparts(mesh, hill(mesh, -0.5, 0, 1), vertex, mesh.vertices[vertex], grip)[0]
-    along = share(mesh, own).reshape(SIDE, SIDE)
+    for number in (0, 1):
+        np.testing.assert_array_equal(shares[number, component == number], 1)
+    along = shares[0].reshape(SIDE, SIDE)
     assert np.abs(np.diff(along, axis=0)).max() < 0.2
     assert np.abs(np.diff(along, axis=1)).max() < 0.2
 
@@ -193,10 +145,10 @@ def test_components_far_apart_are_counterparts_too():
     weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
     component = (mesh.vertices[:, 0] > 50).astype(np.int64)
     own, other = find(mesh, weights, vertex_at(mesh, 0, 0), component)
-    assert np.isfinite(share(mesh, own)).all()
-    on_the_first = mesh.vertices[:, 0] < 50
-    np.testing.assert_array_equal(share(mesh, own)[on_the_first], 1)
-    np.testing.assert_array_equal(share(mesh, other)[~on_the_first], 1)
+    np.testing.assert_allclose(np.subtract(other.position, own.position), (100, 0, 0), atol=1e-9)
+    shares, on_the_first = everywhere(mesh, component), mesh.vertices[:, 0] < 50
+    np.testing.assert_array_equal(shares[0, on_the_first], 1)
+    np.testing.assert_array_equal(shares[1, ~on_the_first], 1)
 
 
 def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
@@ -205,27 +157,18 @@ def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     vertex = vertex_at(mesh, -0.5, -0.5)
     component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
 
-    def found() -> tuple[counterparts.Counterpart, ...]:
+    def found() -> tuple[list[counterparts.Counterpart], np.ndarray]:
         nodes = nodes_of(mesh)
         of_node = component[nodes.members[nodes.starts]]
-        grip = Grip(np.ones(len(component), np.float32), np.ones(len(of_node), np.float32), of_node, NO_BORDER)
-        return find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip)[0]
+        return find(mesh, weights, vertex, of_node), everywhere(mesh, of_node)
 
-    exact = found()
+    exact, shares = found()
     with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 20):
         assert len(nodes_of(mesh).center) < 500
-        clustered = found()
+        clustered, clustered_shares = found()
     assert [each.vertex for each in clustered] == [each.vertex for each in exact]
-    np.testing.assert_allclose(sum(share(mesh, each) for each in clustered), 1, atol=1e-5)
-    for one, other in zip(clustered, exact, strict=True):
-        assert np.abs(share(mesh, one) - share(mesh, other)).mean() < 0.04
-
-
-def test_the_only_counterpart_of_a_handle_without_components_is_itself():
-    mesh = sheet()
-    nothing = np.full(len(mesh.vertices), -1)
-    (only,) = find(mesh, np.zeros(len(mesh.vertices), np.float32), 7, nothing)
-    assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
+    np.testing.assert_allclose(clustered_shares.sum(axis=0), 1, atol=1e-5)
+    assert np.abs(clustered_shares - shares).mean() < 0.04
 
 
 def test_only_the_most_similar_of_thousands_of_components_are_counterparts():
@@ -237,7 +180,6 @@ def test_only_the_most_similar_of_thousands_of_components_are_counterparts():
     weights[:3] = 1
     nodes = nodes_of(mesh)
     component = np.arange(len(nodes.center))
-    grip = Grip(np.ones(len(vertices), np.float32), np.ones(len(component), np.float32), component, NO_BORDER)
-    found, _ = find_counterparts(mesh, weights, 0, mesh.vertices[0], grip)
+    found = find(mesh, weights, 0, component)
     assert len(found) == counterparts.MOST_COUNTERPARTS
     assert np.array_equal(found[0].position, mesh.vertices[0])

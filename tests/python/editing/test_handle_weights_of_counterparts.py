@@ -1,16 +1,19 @@
 """Test handles that move several counterparts, each about its own pivot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_field import field_of
 
 import dfd
 from dfd.editing.controls import Controls
-from dfd.editing.influence import grips, handle_weights
-from dfd.editing.influence.counterparts import Counterpart, Held
+from dfd.editing.influence import handle_weights, hold
+from dfd.editing.influence.counterparts import Counterpart
+from dfd.editing.influence.fill import band_at_rest
 from dfd.export.rig import rig_of
-from dfd.geometry.coarse import Share
 from dfd.posing.transforms import Transform, rotation_matrix
+from dfd.segmentation.parts import Parts
 
 
 @pytest.fixture(scope="module")
@@ -20,22 +23,31 @@ def sample():
 
 @pytest.fixture
 def asked(sample, mesh, monkeypatch):
-    """Replace `find_counterparts`: the labeled legs of a chair are the counterparts. Return the recorded calls."""
+    """Make the labeled legs of a chair the components of each part, and return the calls of `find_counterparts`."""
     calls = []
 
-    def labelled(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False, known=None):
-        calls.append((vertex, planes))
-        found = []
-        for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
+    def legs_from(vertex):
+        return sorted(range(4), key=lambda leg: leg != sample.instances[vertex])
+
+    def components(parts, vertex, level=0):
+        found = np.full(len(mesh.vertices), -1)
+        for number, leg in enumerate(legs_from(vertex)):
+            found[sample.vertices_of("leg", leg)] = number
+        return found
+
+    def labelled(mesh, component, vertex, position, alike, planes):
+        calls.append((vertex, planes()))
+        found, weights = [], alike()
+        for number, leg in enumerate(legs_from(vertex)):
             members = sample.vertices_of("leg", leg)
-            share = Share(members, np.ones(len(members), np.float32))
             foot = int(members[mesh.vertices[members, 1].argmin()])
             frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-            found.append(Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
-        return Held(tuple(found), None if grip is None else grip.weights)
+            found.append((number, Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]))))
+        return found
 
-    monkeypatch.setattr(grips, "find_counterparts", labelled)
-    monkeypatch.setattr(grips, "symmetry_planes", lambda *_: ["found"])
+    monkeypatch.setattr(Parts, "components", components)
+    monkeypatch.setattr(hold, "find_counterparts", labelled)
+    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: ["found"])
     return calls
 
 
@@ -145,18 +157,11 @@ def test_counterparts_beyond_the_reach_are_not_counted(session, asked, foot):
     assert len(session.counterparts(handle)) == 4
 
 
-def test_equalize_gives_no_vertex_more_weight_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
-    """Two counterparts have shares of 0.5 at each vertex, and the weights of both are raised to 1."""
-
-    def halves(mesh, weights, vertex, position, grip, planes=(), *, everywhere=False, known=None):
-        half = Share(np.arange(len(mesh.vertices)), np.full(len(mesh.vertices), 0.5, np.float32))
-        places = [(one, tuple(mesh.vertices[one])) for one in (vertex, int(weights.argmin()))]
-        found = tuple(Counterpart(one, at, np.eye(3), 1.0, half) for one, at in places)
-        return Held(found, None if grip is None else grip.weights)
-
-    monkeypatch.setattr(grips, "find_counterparts", halves)
-    session = dfd.Deformer(mesh, field, features=field.features(mesh))
-    session.add(foot, translation=(0, -0.2, 0), counterparts="own_pivot")
+@pytest.mark.parametrize("reach", ["part", 1.0])
+def test_equalize_gives_no_vertex_more_weight_than_the_handle(session, mesh, asked, foot, reach):
+    """A fixed point lowers the weights of some counterparts, and `equalize` raises them."""
+    session.add(foot, translation=(0, -0.2, 0), reach=reach)
+    session.fix(foot + 1, strength=0.5)
     assert session.following.max() <= 1 + 1e-6
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
 
@@ -266,12 +271,14 @@ def test_the_blend_band_widens_if_a_motion_shears_or_shortens_the_limb(mesh, fie
     # A small rotation about the base moves the border little.
     session.move(held, translation=(0, 0, 0), rotation=(0, 0.1, 0), pivot="base")
     np.testing.assert_array_equal(session.weights[:, 0], narrow)
-    along = session.bound.grips.grip(session.handle(held).place).border.direction
-    session.move(held, translation=0.1 * far * along, rotation=(0, 0, 0))
-    lengthened = session.bound.grips.band(session.handle(held))
-    assert lengthened.inner_end > lengthened.width, "the leg is stretched along its length"
+    own = session.bound.hold(session.handle(held).place).components[0]
+    rest = band_at_rest(own, mesh.diagonal)
+    session.move(held, translation=0.1 * far * own.direction, rotation=(0, 0, 0))
+    lengthened = session.bound.bands(session.edit)[0][0]
+    assert lengthened.outward == pytest.approx(rest.outward)
+    assert lengthened.inward > 2 * rest.inward, "the leg is stretched along its length"
     # Shortening the leg folds the surface if the band is narrow.
-    session.move(held, translation=-0.1 * far * along)
+    session.move(held, translation=-0.1 * far * own.direction)
     assert ((session.weights[:, 0] > 0.01) & (session.weights[:, 0] < 0.99)).sum() > widths[0]
     poses = [dfd.KeyPose(1.0, {held: Transform(translation=(far, 0, 0))})]
     rig = rig_of(session, poses)
@@ -283,7 +290,7 @@ def test_the_blend_band_widens_if_a_motion_shears_or_shortens_the_limb(mesh, fie
 def test_a_rig_stretches_a_lengthened_limb_although_another_pose_shears_it(mesh, field, sample, foot):
     session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
     held, far = session.add(foot), 0.1 * mesh.diagonal
-    along = session.bound.grips.grip(session.handle(held).place).border.direction
+    along = session.bound.hold(session.handle(held).place).components[0].direction
     shear, stretch = (Transform(translation=tuple(far * way)) for way in (np.array([1.0, 0, 0]), along))
     bands = {}
     for name, poses in (("shear", [shear]), ("stretch", [stretch]), ("both", [shear, stretch])):
@@ -318,10 +325,9 @@ def test_carriers_and_counterparts_do_not_depend_on_how_far_handles_move(field_o
 def test_a_band_of_another_width_has_the_same_counterparts(mesh, field, sample, foot):
     session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
     held = session.add(foot)
-    rest = session.counterparts(held)
+    rest, resting = session.counterparts(held), session.handles
     session.move(held, translation=(0.3 * mesh.diagonal, 0, 0))
-    assert session.bound.grips.band(session.handle(held)).width > 1
+    assert session.bound.bands(session.edit)[0] != session.bound.bands(replace(session.edit, handles=resting))[0]
     moved = session.counterparts(held)
     assert [(one.vertex, one.position, on) for one, on in moved] == [(one.vertex, one.position, on) for one, on in rest]
-    assert all(one.share.at(one.vertex) > 0.9 for one, _ in moved)
     assert session.weights[[one.vertex for one, _ in moved], 0].min() > 0.99

@@ -5,7 +5,7 @@ import pytest
 
 import dfd
 from dfd.editing.edit_file import from_document, to_document
-from dfd.editing.influence.regions import VertexSet
+from dfd.editing.regions import VertexSet
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):
@@ -78,7 +78,7 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field
     assert weights[inside].mean() > 0.8
     away = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[inside][None], axis=2).min(axis=1)
     assert (weights[away > 0.05 * mesh.diagonal] == 0).all()
-    assert 0 < session.bound.by_features.reach(session.handles[0]) <= 2
+    assert 0 < session.bound.reach(session.handles[0]) <= 2
     session.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
     assert again.handles[0].controls.reach == "part"

@@ -6,8 +6,8 @@ from made_field import made_field
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 from dfd.editing.points import find, nearest_vertex, place_on
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 
 
 @pytest.fixture(scope="module")

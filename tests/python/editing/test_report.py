@@ -17,7 +17,8 @@ def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(deformer,
     assert handle.arrived
     assert handle.missing == pytest.approx(0, abs=1e-7)
     np.testing.assert_allclose(handle.landed, mesh.vertices[5] + (0, 0.48, 0))
-    assert str(report) == f"moved {100 * report.moved:.0f} % of the vertices, up to 0.48; handle 1 (ear) arrived"
+    told = f"moved {100 * report.moved:.0f} % of the vertices, up to 0.48, and stretched edges up to "
+    assert str(report) == f"{told}{report.stretch:.1f} times; handle 1 (ear) arrived"
     assert report.warning is None
 
 

@@ -5,7 +5,7 @@ import pytest
 from made_field import field_of, made_field
 
 import dfd
-from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
+from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import transfer
 
 

@@ -10,11 +10,10 @@ from scipy.sparse.csgraph import connected_components
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.counterparts import find_counterparts
+from dfd.editing.influence.hold import hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph
-from dfd.segmentation.parts import Border, Grip
 
 
 @pytest.fixture
@@ -53,18 +52,16 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     on_hill = weights[nodes.members[nodes.starts]] > 0.5
     component = np.full(len(on_hill), -1)
     component[on_hill] = connected_components(nodes.graph[on_hill][:, on_hill], directed=False)[1]
-    whole = np.ones(len(weights), np.float32)
-    grip = Grip(
-        whole, np.ones(len(component), np.float32), component, Border(np.empty((0, 3)), np.zeros(3), 1.0, 8.0, 0.5, 0.0)
-    )
+    own = component[nodes.of_vertex[vertex]]
+    component = np.where(component == own, 0, np.where((component >= 0) & (component < own), component + 1, component))
     tracemalloc.start()
     try:
-        found, _ = find_counterparts(mesh, weights, vertex, mesh.vertices[vertex], grip)
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, tuple)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert len(found) == 64
+    assert len(held.components) == 64
     assert peak < 64 * len(mesh.vertices) * 4
-    shares = [each.share.dense(len(mesh.vertices)) for each in found]
-    assert found[5].share.at(found[5].vertex) == shares[5][found[5].vertex]
-    np.testing.assert_allclose(sum(shares), 1, atol=1e-5)
+    fifth = held.components[5]
+    assert held.at(fifth.counterpart.vertex) == 5
+    np.testing.assert_allclose(sum(each.dense(len(mesh.vertices)) for each in held.everywhere), 1, atol=1e-5)

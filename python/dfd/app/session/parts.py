@@ -10,7 +10,7 @@ from dfd.app.protocol.messages import PartChange
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
-from dfd.editing.influence.regions import VertexSet, members
+from dfd.editing.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
 
 MOST_KEPT = 64  # largest number of parts in the cache

@@ -175,7 +175,7 @@ class Preparation:
                     shared.planes[preset] = symmetry_planes(
                         field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
                     )
-            shared.parts = deformer.bound.grips.prepare(shared.planes["default"], shared.parts)
+            shared.parts = deformer.bound.prepare(shared.planes["default"], shared.parts)
         self._tell(self._session.field_prepared, shared.planes)
 
 

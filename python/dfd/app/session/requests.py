@@ -23,7 +23,7 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
-from dfd.editing.influence.held_parts import pivot_on
+from dfd.editing.influence.bendable_parts import pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.mesh.normals import updated_normals
@@ -60,12 +60,12 @@ def probe(session: Session, vertex: Index) -> ArrayAnswer:
 def probed(deformer: Deformer, vertex: int) -> Float32:
     """Return the weights of a new handle at a vertex, (V,), without a search for counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
-    grip = bound.grips.grip(place) if rules.reach == "part" else None
-    if grip is None:
+    held = bound.probed(bound.rows.anchor(place)) if rules.reach == "part" else None
+    if held is None:
         reach = PARTLESS_REACH if rules.reach == "part" else rules.reach
         weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
     else:
-        weights = grip.weights
+        weights = held
     return weights - bound.by_features.subtracted(deformer.fixed) if deformer.fixed else weights
 
 
@@ -96,7 +96,7 @@ def features(session: Session) -> ArrayAnswer:
 def suggest(session: Session) -> messages.Answer:
     """Suggest places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
     found = []
-    for number, part in enumerate(session.deformer.bound.grips.parts.cut()[:MOST_SUGGESTED], start=1):
+    for number, part in enumerate(session.deformer.bound.parts.cut()[:MOST_SUGGESTED], start=1):
         name = f"Part {number}, {part.components} alike" if part.components > 1 else f"Part {number}"
         position = vector("position", session.deformer.mesh.vertices[part.vertex])
         found.append(messages.Suggestion(vertex=part.vertex, position=position, name=name))
@@ -118,7 +118,7 @@ def axis(session: Session, handle: int) -> messages.Answer:
     """Find the possible pivots of a handle, and the axis along which the handle's part bends. Answer: `axis`."""
     edit = session.deformer.edit
     held = edit.handle(handle)
-    part = next(iter(session.deformer.bound.held_parts(edit, held)), None)
+    part = next(iter(session.deformer.bound.bendable_parts(edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
     auto, base, tip = held.place.position, None, None
     if part is not None:
@@ -171,10 +171,9 @@ def move(
     """
     parts, changed = transform.model_dump(exclude_none=True), _controls(session, controls)
     if merge and not (settle or changed):
-        deformer, band = session.deformer, session.deformer.bound.grips.band
-        before = band(deformer.handle(handle))
+        deformer = session.deformer
         deformer.move(handle, **parts, merge=True)
-        if band(deformer.handle(handle)) == before:
+        if session.require().has_close_weights():
             session.require().shown = deformer.edit  # the page has already drawn this edit
         else:
             session.tell_state()

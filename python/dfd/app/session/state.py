@@ -14,9 +14,11 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
-from dfd.editing.influence.regions import Region, members
+from dfd.editing.influence.fill import Band
+from dfd.editing.regions import Region, members
 from dfd.symmetry.plane import SymmetryPlane
 
+CLOSE = 1.2  # during a drag, the page gets new weights if the width of a blend band changes by more than this factor
 UINT16_MAX = 65535  # the quantized weight that stands for 1
 LARGEST = 1e30  # largest entry of a transform's matrix; shaders multiply the matrix by coordinates in 32-bit floats
 
@@ -33,6 +35,7 @@ class Editing:
         self.unreported = False  # whether the report of the edit must still be sent
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
+        self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
         """Return the weight columns of each handle, and a dict from the identifiers of new columns to values (V,).
@@ -40,6 +43,7 @@ class Editing:
         The page does not have the new columns yet. The caller must send them, because `sent` now contains them.
         """
         weights, columns = self.deformer.bound.columns(self.deformer.edit)
+        self._bands = self.deformer.bound.bands(self.deformer.edit)
         handles, before, new = self.deformer.handles, self.sent, {}
         states: list[ColumnStates] = [() for _ in handles]
         self.sent = {}
@@ -54,6 +58,16 @@ class Editing:
             state = messages.ColumnState(column=identifier, frame=frame, position=column.counterpart.position)
             states[column.handle] += (state,)
         return states, new
+
+    def has_close_weights(self) -> bool:
+        """Return whether the blend bands of the page's columns are nearly those of the present edit."""
+        now = self.deformer.bound.bands(self.deformer.edit)
+        shown, present = (
+            np.array([size for each in bands for band in each for size in band]) for bands in (self._bands, now)
+        )
+        if [*map(len, self._bands)] != [*map(len, now)]:
+            return False
+        return bool((np.maximum(shown, present) <= CLOSE * np.minimum(shown, present)).all())
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
         """Return the state. `columns` has the columns of each handle, and `common` has other fields of the state."""
@@ -89,7 +103,7 @@ class Editing:
             "handle": handle.id,
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
-            "reach": self.deformer.bound.by_features.reach(handle),
+            "reach": self.deformer.bound.reach(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),
             "mask": self._size(controls.mask),

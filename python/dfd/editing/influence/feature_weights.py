@@ -9,29 +9,24 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.grips import Grips
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import LARGEST, PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
-from dfd.segmentation.parts import AT_REST, Band
 from dfd.weights.bind import bind
 
 # If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
 LEAST_LEFT = 0.01
-# As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
-# handle and the vertices of the part, and at least LEAST_REACH.
-LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
 
 
 class Key(NamedTuple):
-    """Cache key: everything that changes a column of weights."""
+    """Cache key: everything that changes a column of weights by features."""
 
     place: Place
-    band: Band
     controls: Controls  # the controls that change the column
+    in_part: bool  # whether the weights end at a part's border, so that features do not lower them
     sources: tuple[int, ...]  # the vertices where geodesic distances start; empty without locality and radius
     exact: bool  # whether these distances are exact, see `_falloff`
     fixed: tuple[Fixed, ...]
@@ -39,42 +34,34 @@ class Key(NamedTuple):
 
 
 class FeatureWeights:
-    """Compute and cache the weights of handles on one mesh.
+    """Compute and cache the weights of handles on one mesh by features, fixed points, distances and masks.
 
-    While a handle moves, its column changes only if its blend band gets another width. In the blend band, along the
-    border of a part, weights fall from 1 to 0. New fixed points change all columns.
+    They do not depend on motions. Of handles that move a part, they are the factors of the part's weights.
     """
 
-    def __init__(self, mesh: Mesh, rows: HandleFeatures, grips: Grips) -> None:
-        self._mesh, self._rows, self._grips = mesh, rows, grips
-        self._columns = np.empty((0, len(mesh.vertices)), np.float32)  # (H, V), replaced if a column changes
-        self._keys: list[Key] = []
+    def __init__(self, mesh: Mesh, rows: HandleFeatures) -> None:
+        self._mesh, self._rows = mesh, rows
+        self._columns: dict[Key, Float32] = {}  # (V,)
         self._subtracted: Recent[Float32] = Recent(1)
         self._geodesics: dict[bool, Geodesics] = {}  # key: whether distances are exact
         self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
-        self._reaches: dict[tuple[Place, int], float] = {}  # keys: the place and the level
 
-    def of(self, edit: Edit, bands: Sequence[Band] | None = None) -> tuple[Float32, tuple[Key, ...]]:
-        """Return the weights (V, H) of the handles of `edit`, read-only, and the key of each column.
+    def of(self, key: Key) -> Float32 | None:
+        """Return a column (V,) of weights, read-only; None if all weights are 1."""
+        if key.in_part and not key.sources and not key.fixed and key.controls.strength == 1.0 and not key.controls.mask:
+            return None
+        if key not in self._columns:
+            column = np.empty(len(self._mesh.vertices), np.float32)
+            self._bind(key, column)
+            column.flags.writeable = False
+            self._columns[key] = column
+        return self._columns[key]
 
-        `bands` are the blend bands of the handles. If it is None, the handles' transforms determine them.
-        """
-        if bands is None:
-            bands = [self._grips.band(handle) for handle in edit.handles]
-        keys = [self.key(handle, edit, band) for handle, band in zip(edit.handles, bands, strict=True)]
-        if keys != self._keys:
-            row_of = {key: row for row, key in enumerate(self._keys)}
-            columns = np.empty((len(keys), len(self._mesh.vertices)), np.float32)
-            for key, row in zip(keys, columns, strict=True):
-                if key in row_of:
-                    row[:] = self._columns[row_of[key]]
-                else:
-                    self._bind(key, row)
-            columns.flags.writeable = False
-            self._keys, self._columns = keys, columns
-            needed = {(key.exact, source) for key in keys for source in key.sources}
-            self._distances = {source: row for source, row in self._distances.items() if source in needed}
-        return self._columns.T, tuple(keys)
+    def keep(self, keys: Sequence[Key]) -> None:
+        """Forget all columns except those of `keys`."""
+        self._columns = {key: column for key, column in self._columns.items() if key in keys}
+        needed = {(key.exact, source) for key in keys for source in key.sources}
+        self._distances = {source: row for source, row in self._distances.items() if source in needed}
 
     def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
         """Return the weight that fixed points p of strength s_p subtract at each vertex i, (V,): max_p s_p W_ip."""
@@ -92,22 +79,9 @@ class FeatureWeights:
 
         return self._subtracted.get(fixed, find)
 
-    def reach(self, handle: Handle) -> float:
-        """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
-        place, key = handle.place, (handle.place, handle.controls.level)
-        if handle.controls.reach != "part":
-            return handle.controls.reach
-        if key not in self._reaches and (grip := self._grips.grip(*key)) is not None:
-            # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
-            apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
-            within = apart[grip.weights > 0.5]
-            widest = float(np.quantile(within, REACH_QUANTILE)) if len(within) else 0.0
-            self._reaches[key] = min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
-        return self._reaches.get(key, PARTLESS_REACH)
-
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
         """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
-        distances, power = self._falloff(self.key(handle, edit, AT_REST))  # distances do not depend on the band
+        distances, power = self._falloff(self.key(handle, edit, in_part=False))
         if distances is None:
             return np.ones(len(vertices))
         return (1.0 - distances[0, vertices].astype(np.float64)) ** power
@@ -136,7 +110,7 @@ class FeatureWeights:
             most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - most
 
-    def key(self, handle: Handle, edit: Edit, band: Band) -> Key:
+    def key(self, handle: Handle, edit: Edit, *, in_part: bool) -> Key:
         """Return the key of a handle's column."""
         place, controls, exact = handle.place, handle.controls.of_column, edit.rules.exact_distances
         sources: list[int] = []
@@ -147,7 +121,7 @@ class FeatureWeights:
                 points = [place.position] if place.region is None else self._mesh.vertices[own]
                 sources += [self._rows.nearest((x, y, z)) for x, y, z in edit.symmetry.reflect(points).tolist()]
         starts = tuple(dict.fromkeys(sources))
-        return Key(place, band, controls, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
+        return Key(place, controls, in_part, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
 
     def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
         """Return distances G (1, V), in [0, 1], and the exponent λ of Eq. 7, or (None, 0) if weights ignore distances.
@@ -175,9 +149,8 @@ class FeatureWeights:
     def _bind(self, key: Key, column: Float32) -> None:
         """Write the weights of a handle (Eq. 4 to 7) to `column` (V,)."""
         place, controls, fixed = key.place, key.controls, key.fixed
-        part = self._grips.part(place, controls.level, key.band) if controls.reach == "part" else None
         # Inside a part, all weights must be 1. So the reach is much larger than all feature distances.
-        of_part = PARTLESS_REACH if part is None else LARGEST
+        of_part = LARGEST if key.in_part else PARTLESS_REACH
         reach = of_part if controls.reach == "part" else controls.reach
         geodesic, locality = self._falloff(key)
         bind(
@@ -191,8 +164,6 @@ class FeatureWeights:
             falloff=controls.falloff,
             out=column[None].T,
         )
-        if part is not None:
-            column *= part
         # `bind` uses only some vertices of a region. Here, each vertex gets the weight of a handle at this vertex.
         if place.region is not None:
             own = self._rows.members(place.region)

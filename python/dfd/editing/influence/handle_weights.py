@@ -1,90 +1,329 @@
-"""Compute the weights of an editing session: one column for each handle, or one for each of its counterparts."""
+"""Compute the weights of an editing session: one column for each handle, or one for each of its counterparts.
 
-import math
-from collections.abc import Sequence
+place, level ─ hold (at rest, once) ─► Holding ─ plan (all handles) ─► columns ─ fill (bands now) ─► weights (V, C)
+"""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.allocation import divided, kept_columns, same_and_nested
-from dfd.editing.influence.counterparts import Column, Counterpart
-from dfd.editing.influence.feature_weights import FeatureWeights
-from dfd.editing.influence.grips import Grips
+from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
+from dfd.editing.influence.counterparts import Counterpart
+from dfd.editing.influence.feature_weights import FeatureWeights, Key
+from dfd.editing.influence.fill import Band, band_at_rest, bands_of, fill, weights_at
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.held_parts import HeldPart, bent, held_parts
-from dfd.editing.influence.recent import Recent
+from dfd.editing.influence.hold import Component, Holding, hold
+from dfd.editing.influence.plan import Column, Piece, Plan, allocated
+from dfd.editing.points import Place
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
-from dfd.segmentation.parts import AT_REST, Band
+from dfd.segmentation.parts import Parts
+from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.bind import bind
 
-COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
 # `equalize` raises the weights of a counterpart only if its weight by features alone is at least LEAST_ALIKE. Its final
 # weight, without the factor of locality, must also be at least LEAST_EQUALIZED times that at the handle.
 LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
+# As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
+# handle and the vertices of the part, and at least LEAST_REACH.
+LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
+SPARE = 32  # holdings and parts of this many earlier handles are kept, for undo and for places under the pointer
 
 
 class HandleWeights:
     """Compute and cache the weights of handles on one mesh, separately for each counterpart.
 
-    `rows` returns the features of vertices and places. `grips` returns the parts and counterparts at places.
-    `by_features` returns the weights of Eq. 4 to 7, one column per handle.
+    `rows` returns the features of vertices and places. `parts` are the parts of the mesh. `by_features` returns the
+    weights of Eq. 4 to 7, one column per handle.
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         """Store `features` (V, D), or None, as `HandleFeatures` does."""
         self.mesh, self.field = mesh, field
         self.rows = HandleFeatures(mesh, field, features)
-        self.grips = Grips(mesh, field, self.rows)
-        self.by_features = FeatureWeights(mesh, self.rows, self.grips)
+        self.by_features = FeatureWeights(mesh, self.rows)
         self._axes = PartAxes(mesh)
-        self._owned: Recent[Counterpart] = Recent(64)  # finding the vertex nearest to a point is slow
-        self._held_parts: Recent[list[HeldPart]] = Recent(64)
-        self._made: Recent[tuple[Float32, tuple[Column, ...]]] = Recent(1)
+        self._holdings: dict[Hashable, Holding | None] = {}  # the places used last are at the end
+        self._bendable: dict[Hashable, list[BendablePart]] = {}
+        self._plan: tuple[Hashable, Plan] | None = None
+        self._filled: tuple[Plan, list[tuple[Band, ...]], Float32] | None = None
 
-    def columns(self, edit: Edit, bands: Sequence[Band] | None = None) -> tuple[Float32, tuple[Column, ...]]:
-        """Return the weights (V, C), one or more columns per handle, and the handle and counterpart of each column.
+    # --- hold
 
-        `bands` is as in `FeatureWeights.of`.
+    def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
+        """Compute all data that does not depend on a place, and return the parts of the mesh.
+
+        A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
+        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be that result.
         """
-        weights, keys = self.by_features.of(edit, bands)
-        if not any(_needs_counterparts(handle, edit) for handle in edit.handles):
-            return weights, tuple(Column(i, self._own(handle)) for i, handle in enumerate(edit.handles))
-        controls = tuple(handle.controls for handle in edit.handles)
-        key = (keys, controls, edit.preset, edit.symmetry, self.allocating(edit))
-        return self._made.get(key, lambda: self._columns(edit, weights, [each.band for each in keys]))
+        if parts is None:
+            parts = self.parts
+            parts.prepare()
+            _ = nodes_of(self.mesh).tree
+        self._planes, self.parts = list(planes), parts
+        return parts
 
-    def _columns(self, edit: Edit, weights: Float32, bands: Sequence[Band]) -> tuple[Float32, tuple[Column, ...]]:
-        # With weights at rest, the decisions about columns do not depend on how far the handles move.
-        at_rest = weights if set(bands) == {AT_REST} else self.by_features.of(edit, [AT_REST] * len(bands))[0]
-        portions, columns = self._split(edit, weights, at_rest, bands)
-        if self.allocating(edit):
-            resting = portions if at_rest is weights else self._split(edit, at_rest, at_rest, [AT_REST] * len(bands))[0]
-            portions, columns = self._allocated(edit, portions, columns, resting)
-        made = np.zeros((len(columns), len(weights)), np.float32)
-        for column, (vertices, values) in zip(made, portions, strict=True):
-            column[vertices] = values
-        return made.T, tuple(columns)
+    @cached_property
+    def parts(self) -> Parts:
+        """Return the parts of the mesh."""
+        return Parts(self.mesh, self.rows.of_vertices)
 
-    def _split(
-        self, edit: Edit, weights: Float32, at_rest: Float32, bands: Sequence[Band]
-    ) -> tuple[list[Share], list[Column]]:
-        """Return the columns of all handles, and their portions of `weights` (V, H)."""
-        portions: list[Share] = []
-        columns: list[Column] = []
-        for i, handle in enumerate(edit.handles):
-            found = self._portions(edit, handle, weights[:, i], at_rest[:, i], bands[i])
-            if _is_split(handle):
-                columns += [Column(i, one) for one, _ in found]
-                portions += [portion for _, portion in found]
+    @cached_property
+    def _planes(self) -> list[SymmetryPlane]:
+        return symmetry_planes(self.field, self.mesh)
+
+    def hold(self, place: Place, level: int = 0, plane: SymmetryPlane | None = None) -> Holding | None:
+        """Return the part at a place, at rest; None if there is no part, such as on a ball.
+
+        `level` is as in `Parts.part`. If given, `plane` replaces the shape's planes of symmetry.
+        """
+        key = (place, level, plane)
+        if key in self._holdings:
+            self._holdings[key] = self._holdings.pop(key)
+        else:
+            self._holdings[key] = self._held(place, level, plane)
+        return self._holdings[key]
+
+    def _held(self, place: Place, level: int, plane: SymmetryPlane | None) -> Holding | None:
+        vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
+        followed = int(nodes.follows[nodes.of_vertex[vertex]])
+        if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
+            vertex = int(nodes.members[nodes.starts[followed]])
+        lowest, highest = self.parts.levels(vertex)
+        level = min(max(level, lowest), highest)
+        component = self.parts.components(vertex, level)
+        if component is None and level == 0:  # the borders are unclear, so the smallest region moves
+            level = -1
+            component = self.parts.components(vertex, level) if lowest < 0 else None
+        if component is None:
+            return None
+        region = None
+        if place.region is not None:
+            region = self.rows.members(place.region)
+            held = nodes.of_vertex[region]
+            component = component.copy()
+            component[held[component[held] < 0]] = 0
+
+        def alike() -> Float32:
+            weights: Float32 = bind(self.rows.features, self.rows.points([place]))[:, 0]
+            return weights
+
+        def planes() -> Sequence[SymmetryPlane]:
+            return self._planes if plane is None else [plane]
+
+        return hold(self.mesh, component, vertex, place.position, level, alike, planes, region)
+
+    def probed(self, vertex: int) -> Float32 | None:
+        """Return the weights (V,) of the part at a vertex, at rest; None if there is no part.
+
+        Counterparts are not searched, so this is fast enough to show the part under the pointer.
+        """
+        component = self.parts.components(vertex)
+        component = self.parts.components(vertex, -1) if component is None else component
+        if component is None:
+            return None
+        held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, None, None)
+        return _dense(held.components, self.mesh)
+
+    def reach(self, handle: Handle) -> float:
+        """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
+        if handle.controls.reach != "part":
+            return handle.controls.reach
+        held = self.hold(handle.place, handle.controls.level)
+        if held is None:
+            return PARTLESS_REACH
+        # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
+        apart = 2.0 * (1.0 - bind(self.rows.features, self.rows.points([handle.place]), reach=2.0)[:, 0])
+        within = apart[_dense(held.components, self.mesh) > 0.5]
+        widest = float(np.quantile(within, REACH_QUANTILE)) if len(within) else 0.0
+        return min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
+
+    # --- plan
+
+    def plan(self, edit: Edit) -> Plan:
+        """Return the columns of all handles. They depend on motions only by which handles move."""
+        moving = self.allocating(edit)
+        told = tuple((handle.place, handle.controls) for handle in edit.handles)
+        key = (told, edit.fixed, edit.preset, edit.symmetry, moving)
+        if self._plan is None or self._plan[0] != key:
+            self._plan = key, self._planned(edit, moving)
+        return self._plan[1]
+
+    def _planned(self, edit: Edit, moving: tuple[int, ...]) -> Plan:
+        columns = [column for i, handle in enumerate(edit.handles) for column in self._columns(edit, i, handle)]
+        self.by_features.keep([self.key(edit, handle) for handle in edit.handles])
+        for known in (self._holdings, self._bendable):
+            while len(known) > max(SPARE, 2 * len(edit.handles)):
+                del known[next(iter(known))]
+        if not moving:
+            return Plan(tuple(columns))
+        nodes = nodes_of(self.mesh)
+        samples, sizes = nodes.members[nodes.starts], (nodes.ends - nodes.starts).astype(np.float64)
+        vertex_of = {i: self.rows.anchor(edit.handles[i].place) for i in moving}
+        at_rest = self._fresh(columns, [self._resting(column) for column in columns]).T
+        return allocated(columns, moving, at_rest, self.mesh.vertices, samples, sizes, vertex_of)
+
+    @staticmethod
+    def allocating(edit: Edit) -> tuple[int, ...]:
+        """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
+        return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
+
+    def held(self, edit: Edit, handle: Handle) -> Holding | None:
+        """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
+        level = handle.controls.level if handle.controls.reach == "part" else 0
+        return self.hold(handle.place, level, edit.symmetry)
+
+    def key(self, edit: Edit, handle: Handle) -> Key:
+        """Return the key of a handle's column in `by_features`."""
+        in_part = handle.controls.reach == "part" and self.held(edit, handle) is not None
+        return self.by_features.key(handle, edit, in_part=in_part)
+
+    def _columns(self, edit: Edit, number: int, handle: Handle) -> list[Column]:
+        key = self.key(edit, handle)
+        weights = self.by_features.of(key)
+        if key.in_part:
+            return self._of_part(edit, number, handle, weights)
+        assert weights is not None
+        if not _needs_counterparts(handle, edit):
+            return [Column(number, self._own(handle), still=_sparse(weights))]
+        held = self.held(edit, handle)
+        one_only = held is None or len(held.components) == 1
+        shares = [None] if held is None or one_only else held.everywhere
+        portions = [_portion(share, weights) for share in shares]
+        on = self.counterparts(edit, handle)
+        if handle.controls.counterparts != "only" and edit.rules.equalize:
+            factors = self._equalizing(edit, handle, weights, [one for one, _ in on])
+            portions = _equalized(weights, portions, factors)
+        found = [(one, portion) for (one, moves), portion in zip(on, portions, strict=True) if moves]
+        if _is_split(handle):
+            return [Column(number, one, still=portion) for one, portion in found]
+        total = np.zeros(len(weights), np.float32)
+        for _, portion in found:
+            total[portion.vertices] += portion.values
+        return [Column(number, self._own(handle), still=_sparse(np.minimum(total, np.float32(1.0))))]
+
+    def _of_part(self, edit: Edit, number: int, handle: Handle, weights: Float32 | None) -> list[Column]:
+        """Return the columns of a handle that moves a part. `weights` (V,) are factors of the weights; None means 1."""
+        held = self.held(edit, handle)
+        assert held is not None
+        factors = [1.0] * len(held.components)
+        if weights is not None and edit.rules.equalize and handle.controls.counterparts != "only":
+            factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
+        on = [moves for _, moves in self.counterparts(edit, handle)]
+        pieces = [
+            _piece(component, weights, factor)
+            for component, factor, moves in zip(held.components, factors, on, strict=True)
+            if moves
+        ]
+        if _is_split(handle):
+            return [Column(number, each.component.counterpart, (each,)) for each in pieces]
+        return [Column(number, self._own(handle), tuple(pieces))]
+
+    def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
+        """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
+
+        Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
+        The first counterpart always moves. If the control `counterparts` is "only", no other moves.
+        """
+        held = self.held(edit, handle)
+        if held is None:
+            return [(self._own(handle), True)]
+        on = [True] + [handle.controls.counterparts != "only"] * (len(held.components) - 1)
+        for place in handle.controls.excluded_counterparts:
+            most = held.at(self.rows.anchor(place))
+            on[most] = most == 0
+        return [(each.counterpart, moves) for each, moves in zip(held.components, on, strict=True)]
+
+    def _own(self, handle: Handle) -> Counterpart:
+        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
+        place = handle.place
+        return Counterpart(self.rows.anchor(place), place.position, np.eye(3))
+
+    def _equalizing(
+        self, edit: Edit, handle: Handle, weights: Float32, counterparts: Sequence[Counterpart]
+    ) -> list[float]:
+        """Return factors with which similar counterparts move as much as the handle, except for locality.
+
+        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) still lower the results.
+        """
+        near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
+        tops = [
+            float(weights[one.vertex]) / nearness if nearness > 0 else 0.0
+            for one, nearness in zip(counterparts, near, strict=True)
+        ]
+        own = next((top for top in tops if top), 0.0)
+        return [
+            own / top if one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0 else 1.0
+            for one, top in zip(counterparts, tops, strict=True)
+        ]
+
+    def level_with_axis(self, edit: Edit, handle: Handle) -> int | None:
+        """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""
+        lowest, highest = self.parts.levels(self.rows.anchor(handle.place))
+        for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
+            other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
+            parts = self.bendable_parts(replace(edit, handles=(other,)), other)
+            if parts and parts[0].slender:
+                return level
+        return None
+
+    # --- fill
+
+    def columns(
+        self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None
+    ) -> tuple[Float32, tuple[Column, ...]]:
+        """Return the weights (V, C), read-only, one or more columns per handle, and these columns.
+
+        `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
+        """
+        plan = self.plan(edit)
+        if bands is None:
+            bands = self.bands(edit)
+        if self._filled is None or self._filled[0] is not plan or self._filled[1] != list(bands):
+            made = filled(plan, self._fresh(plan.columns, bands))
+            made.flags.writeable = False
+            self._filled = plan, list(bands), made
+        return self._filled[2], plan.columns
+
+    def bands(self, edit: Edit) -> list[tuple[Band, ...]]:
+        """Return the blend bands of all columns of the plan of `edit`."""
+        return [bands_of(column, self.mesh, edit) for column in self.plan(edit).columns]
+
+    def _resting(self, column: Column) -> tuple[Band, ...]:
+        return tuple(band_at_rest(piece.component, self.mesh.diagonal) for piece in column.pieces)
+
+    def _fresh(self, columns: Sequence[Column], bands: Sequence[tuple[Band, ...]]) -> Float32:
+        made = np.zeros((len(columns), len(self.mesh.vertices)), np.float32)
+        for column, each, row in zip(columns, bands, made, strict=True):
+            fill(column, each, row)
+        return made.T
+
+    def weights(self, edit: Edit) -> Float32:
+        """Return the weights (V, H) of Eq. 4 to 7, read-only: each column is for a handle and all its counterparts."""
+        found = np.empty((len(edit.handles), len(self.mesh.vertices)), np.float32)
+        for handle, row in zip(edit.handles, found, strict=True):
+            weights, held = self.by_features.of(self.key(edit, handle)), self.held(edit, handle)
+            if handle.controls.reach == "part" and held is not None:
+                pieces = tuple(_piece(each, weights, 1.0) for each in held.components)
+                columns = [Column(0, each.component.counterpart, (each,)) for each in pieces]
+                alone = Edit(handles=(handle,), default=edit.default)
+                made = self._fresh(columns, [bands_of(column, self.mesh, alone) for column in columns])
+                np.minimum(made.sum(axis=1), 1.0, out=row)
             else:
-                columns.append(Column(i, self._own(handle)))
-                portions.append(_sum([portion for _, portion in found], len(weights)))
-        return portions, columns
+                row[:] = weights
+        found.flags.writeable = False
+        return found.T
 
     def following(self, edit: Edit) -> Float32:
         """Return the weights (V, H), where the column of a handle is the sum over its counterparts."""
@@ -94,53 +333,6 @@ class HandleWeights:
             followed[:, column.handle] += weights[:, index]
         return followed
 
-    def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
-        """Return the connected components that follow a handle of `edit`, the component at the handle first.
-
-        The blend bands are those at rest, so the result does not depend on how far the handle moves.
-        """
-        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        moving = self.allocating(edit)
-        others = tuple((each.place, each.controls) for each in edit.handles) if moving else ()
-        key = (self.by_features.key(handle, edit, AT_REST), handle.controls, edit.preset, edit.symmetry, others, moving)
-
-        def find() -> list[HeldPart]:
-            weights, columns = self.columns(edit, [AT_REST] * len(edit.handles))
-            own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
-            return held_parts(self.mesh, self._axes, self.rows.anchor(handle.place), own, edit.symmetry)
-
-        return self._held_parts.get(key, find)
-
-    def bent(self, edit: Edit) -> Float64:
-        """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`."""
-        bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
-        return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
-
-    def counterparts(self, edit: Edit, handle: Handle, band: Band | None = None) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
-
-        Each place in `excluded_counterparts` excludes one counterpart: the one with the largest `Counterpart.share` at
-        this place, if the handle is at rest. If all shares there are 0, the nearest one is excluded. The first
-        counterpart always moves. If the control `counterparts` is "only", no other moves. If `band` is None, the
-        handle's transform determines it.
-        """
-        everywhere = handle.controls.reach != "part"
-        level = 0 if everywhere else handle.controls.level
-        band = self.grips.band(handle) if band is None else band
-        found, resting = (
-            self.grips.held(handle.place, level, each, everywhere=everywhere, plane=edit.symmetry).counterparts
-            for each in (band, AT_REST)
-        )
-        on = [True] + [handle.controls.counterparts != "only"] * (len(found) - 1)
-        for place in handle.controls.excluded_counterparts:
-            here = self.rows.anchor(place)
-            shares = [1.0 if one.share is None else one.share.at(here) for one in resting]
-            if not any(shares):
-                shares = [-math.dist(one.position, self.mesh.vertices[here]) for one in found]
-            most = int(np.argmax(shares))
-            on[most] = most == 0
-        return list(zip(found, on, strict=True))
-
     def counterpart_counts(self, edit: Edit) -> list[int]:
         """Return the number of counterparts of each handle, (H,), without those below `LEAST_COUNTED`."""
         weights, columns = self.columns(edit)
@@ -149,61 +341,47 @@ class HandleWeights:
             peaks[column.handle].append(peak)
         return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
 
-    @staticmethod
-    def allocating(edit: Edit) -> tuple[int, ...]:
-        """Return the indices of the moving handles, for `_allocated`; () for fewer than two, or with "paper"."""
-        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
-        return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
+    # --- bend
 
-    def _allocated(
-        self, edit: Edit, portions: list[Share], columns: list[Column], resting: list[Share]
-    ) -> tuple[list[Share], list[Column]]:
-        """Assign the components of parts to the moving handles. Return the remaining `portions` and `columns`.
+    def bendable_parts(self, edit: Edit, handle: Handle) -> list[BendablePart]:
+        """Return the connected components that follow a handle of `edit`, the component at the handle first.
 
-        `resting` are the portions if all handles are at rest.
+        They are those at rest, so the result does not depend on how far the handle moves.
         """
-        moving = self.allocating(edit)
-        among = [i for i, column in enumerate(columns) if column.handle in moving]
-        nodes = nodes_of(self.mesh)
-        samples, sizes = nodes.members[nodes.starts], (nodes.ends - nodes.starts).astype(np.float64)
-        on_samples = np.stack([resting[i].dense(len(self.mesh.vertices))[samples] for i in among])
-        held = (on_samples >= COMPONENT_THRESHOLD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
-        same, nested = same_and_nested(held, sizes)
-        kept = kept_columns([columns[i].handle for i in among], same)
-        same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
-        kept = [among[k] for k in kept]
-        handle_of = [columns[i].handle for i in kept]
-        nested &= np.not_equal.outer(handle_of, handle_of)
-        vertex_of = {handle_of.index(i): self.rows.anchor(edit.handles[i].place) for i in dict.fromkeys(handle_of)}
-        result = divided([portions[i] for i in kept], self.mesh.vertices, vertex_of, same, nested)
-        order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
-        portions, columns = list(portions), list(columns)
-        for k, i in enumerate(kept):
-            carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
-            columns[i], portions[i] = columns[i]._replace(carriers=carriers), result[k]
-        return [portions[i] for i in order], [columns[i] for i in order]
+        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+        plan = self.plan(edit)
+        key = (handle.place, handle.controls, edit.fixed, edit.symmetry, edit.preset, self.allocating(edit) and plan)
+        if key not in self._bendable:
+            own = [column for column in plan.columns if column.handle == number]
+            weights = self._fresh(own, [self._resting(column) for column in own])
+            anchor = self.rows.anchor(handle.place)
+            self._bendable[key] = bendable_parts(self.mesh, self._axes, anchor, weights, own, edit.symmetry)
+        return self._bendable[key]
 
-    def _own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
-        place = handle.place
-        return self._owned.get(place, lambda: Counterpart(self.rows.anchor(place), place.position, np.eye(3)))
+    def bent(self, edit: Edit) -> Float64:
+        """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`."""
+        bending = {
+            i: self.bendable_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends
+        }
+        return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
 
-    def _portions(
-        self, edit: Edit, handle: Handle, weights: Float32, at_rest: Float32, band: Band
-    ) -> list[tuple[Counterpart, Share]]:
-        """Return the moving counterparts of a handle, and the portion of the handle's `weights` (V,) that each gets."""
-        if not _needs_counterparts(handle, edit):
-            return [(self._own(handle), _portion(None, weights))]
-        found = self.counterparts(edit, handle, band)
-        counterparts = [one for one, _ in found]
-        if handle.controls.counterparts == "only":
-            return [(counterparts[0], _portion(counterparts[0].share, weights))]
-        portions = [_portion(one.share, weights) for one in counterparts]
-        if edit.rules.equalize:
-            near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
-            resting = [float(at_rest[one.vertex]) for one in counterparts]
-            portions = _equalized(weights, counterparts, portions, near, resting)
-        return [(one, portion) for (one, moves), portion in zip(found, portions, strict=True) if moves]
+
+def filled(plan: Plan, weights: Float32) -> Float32:
+    """Lower `weights` (V, C) in place where the sum of a crowded group exceeds 1, and return them."""
+    for group, vertices in plan.crowded:
+        among = np.ix_(vertices, group)
+        some = weights[among]
+        weights[among] = some / np.maximum(some.sum(axis=1, keepdims=True), np.float32(1.0))
+    return weights
+
+
+def _dense(components: Sequence[Component], mesh: Mesh) -> Float32:
+    """Return the weights (V,) of a part at rest."""
+    total = np.zeros(len(mesh.vertices), np.float32)
+    for each in components:
+        total[each.core.vertices] += each.core.values
+        total[each.vertices] += each.share * weights_at(each.depth, band_at_rest(each, mesh.diagonal))
+    return np.minimum(total, 1.0)
 
 
 def _is_split(handle: Handle) -> bool:
@@ -216,6 +394,20 @@ def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
     return _is_split(handle) or edit.rules.equalize or handle.controls.excluded_counterparts != ()
 
 
+def _piece(component: Component, weights: Float32 | None, factor: float) -> Piece:
+    """Return a component as a piece of a column. `weights` (V,) and `factor` multiply its weights, up to their largest.
+
+    If `weights` is None, they are 1.
+    """
+    core, share = component.core, component.share
+    if weights is None:
+        return Piece(component, core, share)
+    scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0)) if factor != 1.0 else weights
+    return Piece(
+        component, Share(core.vertices, core.values * scaled[core.vertices]), share * scaled[component.vertices]
+    )
+
+
 def _portion(share: Share | None, weights: Float32) -> Share:
     """Return the portion of a handle's `weights` (V,) that a counterpart with `share` gets."""
     if share is None:
@@ -223,43 +415,20 @@ def _portion(share: Share | None, weights: Float32) -> Share:
     return Share(share.vertices, weights[share.vertices] * share.values)
 
 
-def _sum(portions: Sequence[Share], count: int) -> Share:
-    """Return the sum of `portions` at each of `count` vertices, limited to 1."""
-    if len(portions) == 1:
-        return portions[0]
-    total = np.zeros(count, np.float32)
-    for portion in portions:
-        total[portion.vertices] += portion.values
-    return _sparse(np.minimum(total, np.float32(1.0)))
-
-
 def _sparse(weights: Float32) -> Share:
     some = np.flatnonzero(weights)
     return Share(some, weights[some])
 
 
-def _equalized(
-    weights: Float32,
-    counterparts: Sequence[Counterpart],
-    portions: Sequence[Share],
-    near: Float64,
-    at_rest: Sequence[float],
-) -> list[Share]:
-    """Scale the `portions` of similar counterparts so that these move as much as the handle, except for locality.
-
-    `near` (N,) are the factors of locality (Eq. 7) at the counterparts. These factors still lower the results.
-    `at_rest` (N,) are the handle's weights at the counterparts while it is at rest. The sum of the results at a vertex
-    is limited to the maximum of `weights`.
-    """
-    found = []
-    own = 0.0
+def _equalized(weights: Float32, portions: Sequence[Share], factors: Sequence[float]) -> list[Share]:
+    """Multiply `portions` by `factors`. The sum of the results at a vertex is limited to the maximum of `weights`."""
     total = np.zeros(len(weights), np.float32)
-    for one, (vertices, values), falloff, weight in zip(counterparts, portions, near, at_rest, strict=True):
-        top = weight / falloff if falloff > 0 else 0.0
-        own = own or top
-        alike = one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0
-        found.append(Share(vertices, values * np.float32(own / top if alike else 1.0)))
-        total[vertices] += found[-1].values
+    found = [
+        Share(vertices, values * np.float32(factor))
+        for (vertices, values), factor in zip(portions, factors, strict=True)
+    ]
+    for vertices, values in found:
+        total[vertices] += values
     most = weights.max(initial=0.0)
     if (total <= most).all():
         return found

@@ -143,8 +143,8 @@ export function present(state: State, handle: HandleState): HandleState & { read
   };
 }
 
-/** Degrees of rotation above which blends use dual quaternions, which the shader does not support. */
-const MOST_LINEAR = 30;
+/** Degrees of rotation up to which the shader's linear blend looks like the server's blend of dual quaternions. */
+const MOST_LINEAR = 5;
 
 /** Return whether the server must compute the pose: the shader only supports linear blends without bends. */
 export function serverPoses(state: State): boolean {

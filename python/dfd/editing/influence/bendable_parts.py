@@ -1,7 +1,7 @@
-"""Find the components of the part that a handle holds, and bend and twist each along its own axis."""
+"""Find the axis of each component of the part that a handle holds, and bend and twist the component along it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +9,15 @@ from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float32, Float64, unit
+from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.counterparts import Column
+from dfd.editing.influence.fill import Band, weights_at
+from dfd.editing.influence.hold import Component
+from dfd.editing.influence.plan import Column
+from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.mesh.mesh import Mesh
-from dfd.posing.bend import Sections, bend_maps
+from dfd.posing.bend import Sections, bend_maps, turn_maps
 from dfd.posing.transforms import PivotAt, Transform, Vector, frame_of_normal, vector
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -23,14 +26,18 @@ UP = np.array([0.0, 1.0, 0.0])
 TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
 TOWARDS["back"] = (0, 0, -1)
 LEAST_ON_SIDE = 0.1  # a component lies across a plane if more than this fraction of its vertices is on each side
+ONE_PIECE = 0.9  # least share of a component's area in its largest piece, if the component bends along its axis
 UPRIGHT = 0.9  # a component is upright if the cosine of the angle between its axis and the y axis is above this
 
 
 @dataclass(frozen=True, eq=False)
-class HeldPart:
-    """One connected component of the part that a handle holds."""
+class BendablePart:
+    """One connected component of the part that a handle holds, with its axis."""
 
     axis: PartAxis  # curve from the base of the component to its tip
+    # slender: whether the component bends along its axis. Otherwise, it is stout, round or of several pieces, and bends
+    # by rotating as a whole about its base. The rotation grows smoothly from the border.
+    slender: bool
     amount: float  # factor in [0, 1] by which the handle's bend and twist are multiplied
     # carry: (3, 3) maps the handle's rotation vectors to this component. The matrix rotates the axis of the component
     # at the handle onto the axis of this component. For a mirror image, the matrix also mirrors the vectors.
@@ -43,36 +50,50 @@ class HeldPart:
         """Bend and twist the vertices of the component in `points` (V, 3), in place, as `transform` defines."""
         turn = self.amount * (self.carry @ np.asarray(transform.bend))
         twist = self.amount * self.handedness * transform.twist
-        self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
+        if self.slender:
+            maps = bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint)
+        else:
+            maps = turn_maps(self.axis.base, turn + twist * self.axis.direction)
+        self.sections.move(points, maps)
 
 
-def held_parts(
-    mesh: Mesh, axes: PartAxes, anchor: int, columns: Sequence[tuple[Float32, Column]], plane: SymmetryPlane | None
-) -> list[HeldPart]:
+def bendable_parts(
+    mesh: Mesh, axes: PartAxes, anchor: int, weights: Float32, columns: Sequence[Column], plane: SymmetryPlane | None
+) -> list[BendablePart]:
     """Return the components of the part that a handle holds. The first contains `anchor`, the vertex of the handle.
 
-    `columns` are the weights (V,) and the `Column` of each counterpart, the handle itself first. On the other side of
+    `weights` (V, C) are the weights of the handle's `columns` at rest, the handle itself first. On the other side of
     `plane`, the plane of symmetry of the edit, the handle acts mirrored.
     """
-    # One component can contain several counterparts, such as fingers of a hand. So the sum of all columns is used.
-    whole = np.sum([weights for weights, _ in columns], axis=0)
-    pieces: list[tuple[PartAxis, Column, float]] = []
-    images = {column: image for _, column in columns if (image := column.counterpart.image) is not None}
-    for axis in axes.of(whole >= PART_THRESHOLD * whole.max()) if whole.any() else []:
-        inside = axis.vertices
-        most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
-        pieces.append((axis, columns[0 if anchor in inside else most][1], min(float(whole[inside].max()), 1.0)))
+    pieces = [
+        piece
+        for index, column in enumerate(columns)
+        if len(column.pieces) == 1
+        for piece in _pieces(axes, weights[:, index], [(weights[:, index], column)], anchor)
+    ]
+    if not all(len(column.pieces) == 1 for column in columns):
+        # One component can contain several counterparts, such as fingers of a hand. So the sum of columns is used.
+        pairs = [(weights[:, index], column) for index, column in enumerate(columns)]
+        pieces = _pieces(axes, weights.sum(axis=1), pairs, anchor)
     own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
-    others = [*pieces[:own], *pieces[own + 1 :]]
-    if pieces and images:
-        others = [piece for piece in others if piece[1] is not pieces[own][1] and piece[1] not in images]
-        held = pieces[own][0], pieces[own][2]
-        others += [(axes.image(held[0], image), column, held[1]) for column, image in images.items()]
-    pieces = [*pieces[own : own + 1], *others]
+    pieces = [*pieces[own : own + 1], *pieces[:own], *pieces[own + 1 :]]
     return [_part(mesh, piece, pieces[0][0], plane) for piece in pieces]
 
 
-def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
+def _pieces(
+    axes: PartAxes, whole: Float32, columns: Sequence[tuple[Float32, Column]], anchor: int
+) -> list[tuple[PartAxis, Column, float]]:
+    """Return the components with an axis in the weights `whole` (V,), each with its column and its largest weight."""
+    found = []
+    for axis in axes.of(whole >= PART_THRESHOLD * whole.max()) if whole.any() else []:
+        inside = axis.vertices
+        most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
+        column = columns[0 if anchor in inside else most][1]
+        found.append((axis, column, min(float(whole[inside].max()), 1.0)))
+    return found
+
+
+def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[BendablePart]]) -> Float64:
     """Return the vertices (V, 3) of `mesh`, bent and twisted. `parts` maps the index of each handle to its components.
 
     Smaller components bend first. So if a shin and its thigh bend, the thigh moves the bent shin.
@@ -84,7 +105,9 @@ def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
     return points
 
 
-def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plane: SymmetryPlane | None) -> HeldPart:
+def _part(
+    mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plane: SymmetryPlane | None
+) -> BendablePart:
     axis, column, amount = piece
     counterpart, flat, across = column.counterpart, np.eye(3), False
     frame = counterpart.frame
@@ -97,9 +120,48 @@ def _part(mesh: Mesh, piece: tuple[PartAxis, Column, float], own: PartAxis, plan
         elif (negative > 0.5) != (float(plane.signed_distance([counterpart.position])[0]) < 0):
             frame = plane.reflection[:3, :3] @ frame
     handedness = float(np.sign(np.linalg.det(frame)))
-    turn = np.eye(3) if axis is own or counterpart.image is not None else _turn(frame @ own.direction, axis.direction)
+    turn = np.eye(3)
+    slender = own.is_slender and _is_one_piece(mesh, own)
+    vertices, parameter = axis.vertices, axis.parameter
+    if not slender and len(column.pieces) == 1:
+        vertices, parameter = _rising(column.pieces[0].component)
+    if axis is not own and counterpart.image is not None:
+        axis, reversed_ = _as_image(axis, own, counterpart.image)
+        parameter = 1.0 - parameter if reversed_ and slender else parameter
+    elif axis is not own:
+        turn = _turn(frame @ own.direction, axis.direction)
     carry = flat @ turn @ (handedness * frame)  # rotation vectors are pseudovectors
-    return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
+    return BendablePart(axis, slender, amount, carry, handedness, Sections(vertices, parameter), across)
+
+
+def _is_one_piece(mesh: Mesh, axis: PartAxis) -> bool:
+    """Return whether nearly all of a component is one piece of the mesh, and not, for example, a horn and an ear."""
+    nodes = nodes_of(mesh)
+    own = np.unique(nodes.of_vertex[axis.vertices])
+    area = np.bincount(nodes.component[own], nodes.area[own])
+    return bool(area.max(initial=0.0) >= ONE_PIECE * area.sum())
+
+
+def _rising(component: Component) -> tuple[Int64, Float64]:
+    """Return the vertices (N,) of a component, and a parameter that rises from 0 at its border to 1 inside."""
+    vertices = np.concatenate([component.core.vertices, component.vertices]).astype(np.int64)
+    depth = np.concatenate([np.full(len(component.core.vertices), 1e30, np.float32), component.depth])
+    share = np.concatenate([component.core.values, component.share])
+    parameter = (share * weights_at(depth, Band(0.0, max(component.inward, 1e-30)))).astype(np.float64)
+    order = np.argsort(vertices)
+    return vertices[order], parameter[order]
+
+
+def _as_image(axis: PartAxis, own: PartAxis, isometry: Float64) -> tuple[PartAxis, bool]:
+    """Return `axis` with the curve of `own`, the axis at the handle, moved by `isometry` (3, 4).
+
+    So a counterpart moves exactly as the mirror image of the handle's component, but its vertices and their parameters
+    are its own. Also return whether the parameters run in the opposite direction.
+    """
+    linear, shift = isometry[:, :3], isometry[:, 3]
+    moved = {name: getattr(own, name) @ linear.T + shift for name in ("nodes", "border", "middle", "rest")}
+    ends = np.linalg.norm(moved["nodes"][[0, -1]] - axis.nodes[0], axis=1)
+    return replace(axis, radius=own.radius, **moved), bool(ends[1] < ends[0])
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
@@ -124,7 +186,7 @@ def _shortest_turn(one: Float64, other: Float64) -> Float64:
     return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
 
 
-def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
+def bend_vector(part: BendablePart, angle: float, towards: Any = None) -> Vector:
     """Return the rotation vector, in degrees, that bends `part`, the component at the handle, by an angle in degrees.
 
     The tip moves `towards` a direction (3,) or a name in `TOWARDS`. By default, it moves up. The tip of an upright
@@ -145,18 +207,19 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
 
 
 def pivot_on(
-    part: HeldPart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
+    part: BendablePart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
 ) -> tuple[Vector, PivotAt]:
     """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
-    If `which` is None, the pivot is the base of a limb, or else the middle. If `part` lies across the symmetry plane,
+    If `which` is None, the pivot is the base of a limb, the point between the two borders of a part such as a teapot's
+    handle, or else the middle. If `part` lies across the symmetry plane,
     this default pivot is projected onto the plane.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """
     point = np.asarray(handle.place.position)
     axis = part.axis
-    chosen: PivotAt = which or ("base" if axis.is_limb else "middle")
+    chosen: PivotAt = which or ("base" if axis.is_limb or axis.borders == 2 else "middle")
     if chosen == "plane" and plane is None:
         raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
     if chosen != "point":

@@ -1,0 +1,327 @@
+"""Hold a part at rest: its components, the motion that maps the handle's component onto each, and signed depths.
+
+The depth of a place is its distance from the border of the part along the surface: positive inside, negative outside.
+Distances never cross a gap, such as a gap between lips, teeth or fingers. Nothing here depends on a handle's motion.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
+from dfd.editing.influence.counterparts import MOST_COUNTERPARTS, Counterpart, find_counterparts, shares_everywhere
+from dfd.geometry.coarse import Nodes, Share, nodes_of
+from dfd.mesh.mesh import Mesh
+from dfd.symmetry.plane import SymmetryPlane
+
+# The radius of a border is the root mean squared distance of its points from their center, such as that of a limb at
+# its base. Outside the part, a band extends at most OUTSIDE radii, and covers at most BEYOND of the surface there.
+# Inside, it covers at most INSIDE of the component's depth, so that at least the outer half of a limb keeps its shape.
+OUTSIDE, BEYOND, INSIDE = 1.5, 0.2, 0.5
+# Depths are smoothed by a Gaussian with this standard deviation, in radii, because borders run in zigzags along nodes.
+SMOOTHING = 0.4
+LEAST_DEPTH = 1e-3  # depths are raised until that of the handle is at least this, in radii, also after smoothing
+BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A connected component of a part, such as a leg, at rest. Lengths are in mesh units."""
+
+    counterpart: Counterpart  # the handle itself, or the place on this component that corresponds to it
+    border: Float64  # (B, 3) points of the component's border; none if a whole piece of the mesh is the component
+    direction: Float64  # (3,) unit vector from the border to the middle; 0 if there is no border, or more than one
+    radius: float  # mean radius of the borders (`OUTSIDE`); 0 without a border
+    outward: float  # largest distance of the band's outer end from the border
+    inward: float  # largest distance of the band's inner end from the border
+    room: float  # `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    core: Share  # the vertices beyond the inner end of every band, and their share of the motion
+    vertices: Int32  # (M,) vertices that a band can contain
+    depth: Float32  # (M,) their depths
+    share: Float32  # (M,) their share of the motion: below 1 near another component that touches this one
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """The part at a place, at rest: the component at the place, then the others by decreasing similarity."""
+
+    components: tuple[Component, ...]
+    level: int  # the level of the part; differs from the asked level if no part was found there
+    _nodes: Nodes
+    _component: Int64  # (N,) component of each mesh node; −1 outside the part
+    _diagonal: float
+
+    @cached_property
+    def everywhere(self) -> list[Share]:
+        """Return the share of each component at every vertex, for weights that do not end at the part's border."""
+        return shares_everywhere(self._nodes, self._component, self._diagonal)
+
+    def area(self, number: int) -> float:
+        """Return the area of a component, as a fraction of the area of the surface."""
+        total = float(self._nodes.area.sum())
+        return float(self._nodes.area[self._component == number].sum()) / total if total > 0 else 0.0
+
+    def at(self, vertex: int) -> int:
+        """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
+        inside = int(self._component[self._nodes.of_vertex[vertex]])
+        if inside >= 0:
+            return inside
+        places = np.array([one.counterpart.position for one in self.components])
+        return int(np.linalg.norm(places - self._nodes.center[self._nodes.of_vertex[vertex]], axis=1).argmin())
+
+
+def hold(
+    mesh: Mesh,
+    component: Int64,
+    vertex: int,
+    position: Sequence[float],
+    level: int,
+    alike: Callable[[], Float32],
+    planes: Callable[[], Sequence[SymmetryPlane]],
+    region: Int64 | None = None,
+) -> Holding:
+    """Return the part at a vertex. `component` (N,) is the result of `Parts.components`.
+
+    `alike` returns the weights (V,) of the handle by features alone (Eq. 4 and 5), and `planes` the planes of symmetry
+    of the shape. Both are called only if the part has several components. If the handle is a region, the bands of its
+    component end outside the vertices `region` (R,).
+    """
+    nodes = nodes_of(mesh)
+    component = joined(nodes, component)[nodes.follows]
+    found = find_counterparts(mesh, component, vertex, position, alike, planes)
+    numbers = [number for number, _ in found]
+    component = _renumbered(nodes, component, numbers)
+    return Holding(
+        _components(nodes, component, vertex, [one for _, one in found], region), level, nodes, component, mesh.diagonal
+    )
+
+
+def joined(nodes: Nodes, component: Int64) -> Int64:
+    """Return `component` (N,), in which components join larger ones inside whose bounding boxes they lie.
+
+    An example is a hub inside a tire. The mesh does not connect the two.
+    """
+    result = component.copy()
+    inside = np.flatnonzero(component >= 0)
+    order = inside[np.argsort(component[inside], kind="stable")]
+    members = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
+    members.sort(key=lambda each: (-len(each), each[0]))
+    centers = np.array([nodes.center[each].mean(axis=0) for each in members])
+    of_mesh = np.array([nodes.component[each[0]] for each in members])
+    alone = np.ones(len(members), bool)
+    for rank, each in enumerate(members[:MOST_COUNTERPARTS]):
+        if alone[rank]:
+            alone[rank] = False
+            joins = alone & (of_mesh != of_mesh[rank]) & _in_box(nodes.center[each], centers)
+            numbers = component[[each[0], *(members[other][0] for other in np.flatnonzero(joins))]]
+            result[np.isin(component, numbers)] = numbers.min()  # the component at the handle keeps its number 0
+            alone &= ~joins
+    return result
+
+
+def _in_box(points: Float64, others: Float64) -> Bool:
+    """Return whether each of `others` (M, 3) lies in the PCA-aligned bounding box of `points` (N, 3), (M,) bool."""
+    center = points.mean(axis=0)
+    axes = np.linalg.svd(points - center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
+    own, along = (points - center) @ axes.T, (others - center) @ axes.T
+    margin = BOX_MARGIN * np.ptp(own, axis=0)
+    return ((along >= own.min(axis=0) - margin) & (along <= own.max(axis=0) + margin)).all(axis=1)
+
+
+def _renumbered(nodes: Nodes, component: Int64, numbers: Sequence[int]) -> Int64:
+    """Return `component` (N,) with the components `numbers` as 0, 1, … . Others join the nearest of these."""
+    rank = np.full(component.max() + 2, -2)
+    rank[list(numbers)], rank[-1] = np.arange(len(numbers)), -1
+    result = rank[component]
+    if len(lost := np.flatnonzero(result == -2)):
+        known = np.flatnonzero(result >= 0)
+        result[lost] = result[known[cKDTree(nodes.center[known]).query(nodes.center[lost])[1]]]
+    return result
+
+
+def _components(
+    nodes: Nodes, component: Int64, vertex: int, counterparts: Sequence[Counterpart], region: Int64 | None
+) -> tuple[Component, ...]:
+    count, surface = len(counterparts), nodes.surface
+    row = np.repeat(np.arange(len(component)), np.diff(surface.indptr))
+    one, other = component[row], component[surface.indices]
+    half = surface.data / 2
+    inside = component >= 0
+    cut = (one >= 0) & (other < 0)
+    borders = [_border(nodes, row, surface.indices, cut & (one == k)) for k in range(count)]
+    radii = np.array([radius for _, _, radius in borders])
+    depth = np.where(inside, _distances(surface, row[cut], half[cut], np.inf), -np.inf)
+    outward = OUTSIDE * radii
+    reach = outward + 3 * SMOOTHING * radii
+    apart = np.full((count, len(component)), np.inf)  # distance of each node from each component
+    for k in range(count):
+        edge = (one == k) & (other != k)
+        if edge.any():
+            apart[k] = _distances(surface, surface.indices[edge], half[edge], reach[k])
+        apart[k, component == k] = 0.0
+    outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
+    deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
+    shares = _shares(apart, component, int(nodes.of_vertex[vertex]), outward)
+    fields, inward = [], INSIDE * deepest
+    for k in range(count):
+        field, deviation = np.where(inside, depth, -apart[k]), SMOOTHING * radii[k]
+        fields.append(_smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)[nodes.follows])
+    shares = shares[:, nodes.follows]
+    # The handle lies inside the part, also after smoothing, and beyond the inner end of the band, so that it arrives.
+    held = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
+    here = float(_on_vertices(nodes, fields[0], held).min(initial=np.inf))
+    shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
+    room = min((here + shift) / inward[0], 1.0) if inward[0] > 0 else 1.0
+    centers = [nodes.center[component == k].mean(axis=0) for k in range(count)]
+    return tuple(
+        _component(nodes, each, *border, middle, outward[k], room * inward[k], room, fields[k] + shift, shares[k])
+        for k, (each, border, middle) in enumerate(zip(counterparts, borders, centers, strict=True))
+    )
+
+
+def _border(nodes: Nodes, row: Int64, beside: Int64, cut: Bool) -> tuple[Float64, int, float]:
+    """Return the points (B, 3) of a component's border, the number of its borders, and their mean radius.
+
+    `cut` (E,) says which of the edges from node `row` (E,) to node `beside` (E,) leave the component.
+    """
+    if not cut.any():
+        return np.empty((0, 3)), 0, 0.0
+    ends = np.stack([row[cut], beside[cut]], axis=1)
+    points = nodes.center[ends].mean(axis=1)
+    ring, index = np.unique(ends, return_inverse=True)
+    count, label = connected_components(nodes.surface[ring][:, ring], directed=False)
+    of_point = label[index.reshape(ends.shape)[:, 0]]
+    sizes = np.bincount(of_point, minlength=count)
+    center = np.stack([np.bincount(of_point, axis, count) for axis in points.T], axis=1) / sizes[:, None]
+    squares = np.bincount(of_point, np.square(points - center[of_point]).sum(axis=1), count) / sizes
+    large = sizes >= 0.1 * sizes.max()
+    edge = float(np.median(np.linalg.norm(np.subtract(*nodes.center[ends.T]), axis=1)))
+    return points, int(large.sum()), max(float(np.sqrt(squares[large]).mean()), edge / 2)
+
+
+def _distances(surface: csr_array, sources: Int64, offset: Float64, limit: float) -> Float64:
+    """Return the distance (N,) of each node from the nearest source, plus the source's `offset` (S,)."""
+    result = np.full(surface.shape[0], np.inf)
+    if len(sources):
+        start = np.full(surface.shape[0], np.inf)
+        np.minimum.at(start, sources, offset)
+        found, _, source = dijkstra(
+            surface, indices=np.flatnonzero(np.isfinite(start)), min_only=True, return_predecessors=True, limit=limit
+        )
+        known = source >= 0
+        result[known] = found[known] + start[source[known]]
+    return result
+
+
+def _within_share(area: Float64, inside: Bool, apart: Float64) -> float:
+    """Return the distance from the part up to which at most `BEYOND` of the surface outside it lies."""
+    out = np.flatnonzero(~inside)
+    order = out[np.argsort(apart[out])]
+    covered = np.cumsum(area[order])
+    number = int(np.searchsorted(covered, BEYOND * area[out].sum()))
+    return float(apart[order[number]]) if number < len(order) else np.inf
+
+
+def _shares(apart: Float64, component: Int64, own: int, outward: Float64) -> Float64:
+    """Return the share (K, N) of each component in the motion of each node; the sum is 1.
+
+    Where components touch, the shares change smoothly from one to the next. The share is 1 at the node of the handle.
+    """
+    if len(apart) == 1:
+        return np.ones_like(apart)
+    half = min(float(outward[outward > 0].min(initial=np.inf)), float(np.delete(apart[:, own], component[own]).min()))
+    nearest = np.sort(apart, axis=0)[:2]
+    with np.errstate(invalid="ignore"):
+        beside = np.where(apart == nearest[0], nearest[1], nearest[0]) - apart
+    ahead = np.where(np.isnan(beside), -1.0, np.clip(beside / max(2 * half, 1e-300), -0.5, 0.5)) + 0.5
+    ahead = np.clip(ahead, 0.0, 1.0)
+    parts = ahead * ahead * (3 - 2 * ahead)
+    total = parts.sum(axis=0)
+    return np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
+
+
+def _smoothed(surface: csr_array, field: Float64, low: float, high: float, deviation: float) -> Float64:
+    """Return `field` (N,), smoothed where it lies between `low` and `high`, by an implicit step of the heat equation.
+
+    `deviation` is the standard deviation of the kernel, in mesh units. A node's mass is the sum of the lengths of its
+    edges, and the conductance of an edge is the inverse of its length: with equal edges, this is a random walk.
+    """
+    free = np.flatnonzero((field > low) & (field < high))
+    if not len(free) or deviation <= 0:
+        return field
+    known = np.isfinite(field)
+    among = surface[free]
+    conductance = csr_array(
+        (2 * deviation**2 / np.maximum(among.data, 1e-3 * deviation), among.indices, among.indptr), shape=among.shape
+    )
+    conductance = conductance @ diags_array(known.astype(np.float64))
+    mass = np.asarray(among.sum(axis=1)).ravel() + 1e-9 * deviation
+    within = conductance[:, free]
+    total = np.asarray(conductance.sum(axis=1)).ravel()
+    values = np.where(known, field, 0.0)
+    fixed = conductance @ values - within @ values[free]
+    result = field.copy()
+    matrix = (diags_array(mass + total) - within).tocsc()
+    solve = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+    result[free] = solve(mass * values[free] + fixed)
+    return result
+
+
+def _on_vertices(nodes: Nodes, field: Float64, vertices: Int64) -> Float64:
+    """Interpolate `field` (N,) to `vertices` (M,). Nodes with infinite values are left out."""
+    known = np.isfinite(field)
+    rows = np.stack([np.where(known, field, 0.0), known], axis=1).astype(np.float32)
+    found = nodes.interpolated(rows, vertices).astype(np.float64)
+    some = found[:, 1] > 1e-6
+    result = field[nodes.of_vertex[vertices]]
+    result[some] = np.where(np.isfinite(result[some]), found[some, 0] / found[some, 1], result[some])
+    return result
+
+
+def _component(
+    nodes: Nodes,
+    counterpart: Counterpart,
+    border: Float64,
+    borders: int,
+    radius: float,
+    middle: Float64,
+    outward: float,
+    inward: float,
+    room: float,
+    field: Float64,
+    share: Float64,
+) -> Component:
+    direction = np.zeros(3)
+    if borders == 1:
+        direction = unit((middle - border.mean(axis=0))[None])[0]
+    used = (share > 0) & (field > -outward)
+    uncertain = ~((field >= inward) & (share >= 1))
+    # A vertex belongs to the core if all nodes from which its depth is interpolated do.
+    near = uncertain if nodes.are_vertices else uncertain | (nodes.reach @ uncertain.astype(np.float32) > 0)
+    if not nodes.are_vertices:
+        used = used | (nodes.reach @ used.astype(np.float32) > 0)
+    core = np.flatnonzero((used & ~near)[nodes.of_vertex])
+    vertices = np.flatnonzero((used & near)[nodes.of_vertex])
+    depth = _on_vertices(nodes, field, vertices)
+    shares = nodes.interpolated(share.astype(np.float32), vertices)
+    some = (depth > -outward) & (shares > 0)
+    vertices, depth, shares = vertices[some], np.minimum(depth[some], 1e30), shares[some]
+    return Component(
+        counterpart,
+        border,
+        direction,
+        radius,
+        outward,
+        inward,
+        room,
+        Share(core.astype(np.int32), np.ones(len(core), np.float32)),
+        vertices.astype(np.int32),
+        depth.astype(np.float32),
+        shares,
+    )

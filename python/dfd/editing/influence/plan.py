@@ -1,0 +1,180 @@
+"""Plan which handle moves which component, for all handles together, before any motion is known.
+
+A component follows the handle that lies on it. If no handle lies on it, it follows the first handle of which it is a
+counterpart. So each component has one owner, and a counterpart never takes weight from a handle. A component inside
+another component follows the handles of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.edit import Edit
+from dfd.editing.influence.counterparts import Counterpart
+from dfd.editing.influence.hold import Component
+from dfd.geometry.coarse import Share
+
+COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
+LEAST_IOU = 0.5  # two components count as the same if their intersection over union is at least this
+LEAST_NESTED = 0.8  # component A is nested in component B if at least this fraction of A lies in B
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A component that a column moves, and the factors of its weights, which do not depend on the motion."""
+
+    component: Component
+    core: Share  # the weights beyond the inner end of every band
+    factor: Float32  # (M,) factor of the weights at `Component.vertices`
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of the weights (V, C): the handle and the counterpart to which it belongs."""
+
+    handle: int  # index of the handle in the edit
+    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot and this column
+    pieces: tuple[Piece, ...] = ()  # components whose weights depend on the motion, because they have bands
+    still: Share | None = None  # weights that do not depend on the motion; None if there are pieces
+    carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
+
+    def matrix(self, edit: Edit) -> Float64:
+        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
+        handle = edit.handles[self.handle]
+        return self.counterpart.transform(handle.matrix, handle.place.position)
+
+    def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Column:
+        """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
+
+        def share(of: Share) -> Share:
+            return Share(of.vertices, of.values * factor(of.vertices).astype(np.float32))
+
+        pieces = tuple(
+            Piece(each.component, share(each.core), share(Share(each.component.vertices, each.factor)).values)
+            for each in self.pieces
+        )
+        return replace(self, pieces=pieces, still=None if self.still is None else share(self.still))
+
+    @cached_property
+    def support(self) -> Int64:
+        """Return the vertices (N,) whose weight can be above 0."""
+        if self.still is not None:
+            return np.asarray(self.still.vertices, np.int64)
+        found = [part for each in self.pieces for part in (each.core.vertices, each.component.vertices)]
+        return np.unique(np.concatenate(found)).astype(np.int64) if found else np.empty(0, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The columns of an edit, and the vertices at which the weights of several handles may have a sum above 1."""
+
+    columns: tuple[Column, ...]
+    crowded: tuple[tuple[tuple[int, ...], Int64], ...] = ()  # groups of columns, and vertices (N,) of each group
+
+
+def allocated(
+    columns: Sequence[Column],
+    moving: Sequence[int],
+    at_rest: Float32,
+    points: Float64,
+    samples: Int64,
+    sizes: Float64,
+    vertex_of: dict[int, int],
+) -> Plan:
+    """Assign each component to one of the `moving` handles, so that every handle reaches its target.
+
+    `at_rest` (C, V) are the weights of all columns if no handle moves. `points` (V, 3) are the vertices. `samples` (N,)
+    are vertices that stand for `sizes` (N,) vertices each. `vertex_of` maps each moving handle to its vertex.
+    """
+    among = [i for i, column in enumerate(columns) if column.handle in moving]
+    on_samples = at_rest[among][:, samples]
+    held = (on_samples >= COMPONENT_THRESHOLD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
+    same, nested = same_and_nested(held, sizes)
+    kept = kept_columns([columns[i].handle for i in among], same)
+    same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
+    kept = [among[k] for k in kept]
+    handle_of = [columns[i].handle for i in kept]
+    nested &= np.not_equal.outer(handle_of, handle_of)
+    own = {handle_of.index(handle): vertex_of[handle] for handle in dict.fromkeys(handle_of)}
+    divided_columns = divided([columns[i] for i in kept], at_rest[kept], points, own, same, nested)
+    order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
+    result = list(columns)
+    for k, i in enumerate(kept):
+        carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
+        result[i] = replace(divided_columns[k], carriers=carriers)
+    depth = nested.sum(axis=1)
+    crowded = []
+    for each in np.unique(depth):
+        group = [kept[k] for k in np.flatnonzero(depth == each)]
+        count = np.zeros(len(points), np.int32)
+        for i in group:
+            count[result[i].support] += 1
+        if len(vertices := np.flatnonzero(count > 1)):
+            crowded.append((tuple(order.index(i) for i in group), vertices))
+    return Plan(tuple(result[i] for i in order), tuple(crowded))
+
+
+def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
+    """Return two masks (C, C): whether components i and j are the same, and whether component i is nested in j.
+
+    `held` (C, N) says which of N surface samples a component contains. Sample n stands for `sizes[n]` vertices.
+    """
+    common = (held * sizes.astype(np.float32)) @ held.T.astype(np.float32)
+    own = np.diag(common).copy()
+    union = own[:, None] + own - common
+    same = (common > 0) & (common >= LEAST_IOU * union)
+    nested = (common >= LEAST_NESTED * own[:, None]) & (own[:, None] > 0) & ~same
+    return same, nested
+
+
+def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
+    """Return the indices of the columns that remain of each component: those of handles on it, or else the first one.
+
+    `handle_of` (C,) is the handle of each column. A handle lies on the component of its first column.
+    """
+    handles = np.asarray(handle_of)
+    first = np.zeros(len(handles), bool)
+    first[np.unique(handles, return_index=True)[1]] = True
+    kept = first.copy()  # the components of handles come first: a counterpart never takes their place
+    for i in np.flatnonzero(~first):
+        kept[i] = not (same[i] & kept & (handles != handles[i])).any()
+    return np.flatnonzero(kept).tolist()
+
+
+def divided(
+    columns: Sequence[Column], at_rest: Float32, points: Float64, vertex_of: dict[int, int], same: Bool, nested: Bool
+) -> list[Column]:
+    """Return `columns`, scaled so that at each handle the columns of other handles are 0.
+
+    Two handles on one component divide it: each vertex follows the nearer handle more. `at_rest` (C, V) are the weights
+    at rest. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested` (C, C)
+    are the results of `same_and_nested`.
+    """
+    own, at = np.array(list(vertex_of)), np.array(list(vertex_of.values()))
+    places = points[at]
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.diag(np.full(len(at), np.inf))
+    radius = apart.min(axis=1) / 2  # with radius 0, two handles are at one point
+    result = []
+    for j, column in enumerate(columns):
+        rivals = own[same[j, own] & (own != j)] if j in vertex_of else own[:0]
+        beside = np.isin(at, column.support) & (own != j) & ~nested[own, j] & (radius > 0)
+
+        def factor(vertices: NDArray[np.integer], j: int = j, rivals: Int64 = rivals, beside: Bool = beside) -> Float64:
+            here, left = points[vertices], np.ones(len(vertices))
+            near = np.square(here - points[vertex_of[j]]).sum(axis=1) if len(rivals) else None
+            for rival in rivals:
+                far = np.square(here - points[vertex_of[rival]]).sum(axis=1)
+                left *= far / np.maximum(near + far, 1e-300)
+            for i in np.flatnonzero(beside):
+                squares = np.square(here - places[i]).sum(axis=1) / radius[i] ** 2
+                left *= 1.0 - np.square(1.0 - np.minimum(squares, 1.0)) * at_rest[own[i], vertices]
+            return left
+
+        result.append(column.scaled(factor) if len(rivals) or beside.any() else column)
+    return result

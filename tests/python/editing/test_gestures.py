@@ -1,0 +1,298 @@
+"""Test what users expect of every gesture: handles arrive, drags do not jump, seams stay closed, steps come back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_field import field_of
+
+import dfd
+from dfd.editing.influence.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
+from dfd.editing.influence.hold import BEYOND, INSIDE, hold
+from dfd.editing.report import largest_stretch
+from dfd.geometry.coarse import nodes_of
+from dfd.geometry.topology import vertex_areas
+
+LEVELS = (-2, -1, 0, 1)
+
+
+def looks(sample):
+    """Return features that tell the parts of a sample apart, with noise."""
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
+    rows += 0.1 * random.normal(size=rows.shape)
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def animal():
+    """Return a sample of a quadruped, a session that gives its parts to the others, and the features."""
+    sample = dfd.samples.quadruped(4000)
+    rows = looks(sample)
+    return sample, dfd.Deformer(sample.mesh, field_of(sample.mesh), features=rows), rows
+
+
+def fresh(known, edit=None):
+    """Return a new session on the shape of `known`, with `edit`."""
+    session = dfd.Deformer(known.mesh, known.field, features=known.features)
+    session.bound.prepare(known.bound._planes, known.bound.parts)
+    if edit is not None:
+        session.apply(edit)
+    return session
+
+
+def tip_of(sample, part, number=0):
+    """Return the vertex of a part that is farthest from the middle of the shape."""
+    own = sample.vertices_of(part, number)
+    return int(own[np.linalg.norm(sample.mesh.vertices[own] - sample.mesh.vertices.mean(axis=0), axis=1).argmax()])
+
+
+@given(vertex=st.integers(0, 10**9), level=st.sampled_from(LEVELS), seed=st.integers(0, 99))
+@settings(max_examples=25, deadline=None)
+def test_every_handle_arrives_at_every_level(animal, vertex, level, seed):
+    sample, known, _ = animal
+    session = fresh(known)
+    pull = np.random.default_rng(seed).normal(size=3) * 0.1 * sample.mesh.diagonal
+    at = vertex % len(sample.mesh.vertices)
+    session.add(at, translation=pull, level=level)
+    moved = session.vertices[at] - sample.mesh.vertices[at]
+    assert np.linalg.norm(moved - pull) <= 1e-3 * sample.mesh.diagonal
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (0, 60, 0)])
+def test_a_drag_of_half_a_diagonal_never_jumps_and_equals_a_fresh_session(animal, turn):
+    sample, known, _ = animal
+    session, far = fresh(known), sample.mesh.diagonal / 2
+    for part, direction in (("leg", (1, 0, 0)), ("head", (0, 0.6, 0.8)), ("tail", (0.6, 0, -0.8))):
+        handle, before, largest = session.add(tip_of(sample, part)), session.vertices, 0.0
+        for step in range(1, 201):
+            share = step / 200
+            session.move(handle, translation=far * share * np.array(direction), merge=step > 1)
+            if any(turn):
+                session.move(handle, rotation=share * np.array(turn), pivot="point", merge=True)
+            now = session.vertices
+            largest, before = max(largest, float(np.linalg.norm(now - before, axis=1).max())), now
+        assert largest <= (3 if not any(turn) else 6) * far / 200
+        np.testing.assert_allclose(fresh(known, session.edit).vertices, now, atol=1e-12)
+        session.remove(handle)
+
+
+@given(st.floats(0, 1), st.sampled_from(["leg", "head", "ear", "tail"]), st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_nearly_equal_motions_give_nearly_equal_shapes(animal, share, part, turns):
+    sample, known, _ = animal
+    session = fresh(known)
+    handle, far = session.add(tip_of(sample, part)), np.array((0.4, 0.3, -0.2)) * share * sample.mesh.diagonal
+    results = []
+    for more in (0.0, 1e-12):
+        session.move(
+            handle, translation=far + more, rotation=(0, (40 * share if turns else 0) + more, 0), scale=1 + more
+        )
+        results.append(session.vertices)
+    np.testing.assert_allclose(results[0], results[1], atol=1e-8)
+
+
+CONTROLS = (
+    {"counterparts": "shared_pivot"},
+    {"counterparts": "only"},
+    {"strength": 0.6},
+    {"locality": 2.0},
+    {"radius": 0.5},
+    {"reach": 0.8},
+    {"level": -1},
+    {"level": 1},
+    {"mask": "y>0", "mask_feather": 0.1},
+)
+
+
+@pytest.mark.parametrize("controls", [{}, *CONTROLS], ids=str)
+@pytest.mark.parametrize("how", [{}, {"symmetry": "x"}, {"default": (0, 0.1, 0)}, {"fixed": "tail"}], ids=str)
+def test_a_drag_equals_a_fresh_session_and_undo_restores_the_same_bits(animal, controls, how):
+    sample, known, _ = animal
+    session = fresh(known)
+    session.symmetry = how.get("symmetry")
+    if "default" in how:
+        session.set_default(translation=how["default"])
+    if "fixed" in how:
+        session.fix(tip_of(sample, "tail"), strength=0.5)
+    handles = [session.add(tip_of(sample, part), **controls) for part in ("leg", "ear", "head")]
+    session.move(handles[0], translation=(0, -0.05, 0))
+    rest = session.vertices
+    for step in (1, 2, 3):
+        session.move(handles[1], translation=(0, 0.05 * step, 0), rotation=(0, 0, 5 * step), merge=step > 1)
+        dragged = session.vertices
+    np.testing.assert_allclose(fresh(known, session.edit).vertices, dragged, atol=1e-12)
+    session.undo()
+    np.testing.assert_array_equal(session.vertices, rest)
+    session.redo()
+    np.testing.assert_array_equal(session.vertices, dragged)
+
+
+def test_a_mirrored_gesture_gives_the_mirrored_shape():
+    """Two equal horns on a plate, as components of one part, are grabbed left, and then right."""
+    mesh, horns, pairs = horned_plate()
+    left, right = (int(np.where(horns == k, mesh.vertices[:, 1], -1).argmax()) for k in (0, 1))
+    planes, weights = (dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0),), (horns >= 0).astype(np.float32)
+    shapes = []
+    for vertex, own, sign in ((left, 0, 1), (right, 1, -1)):
+        component = np.where(horns < 0, -1, np.where(horns == own, 0, 1))
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, lambda: planes)
+        pull = np.column_stack([np.eye(3), (0.1 * sign, 0.2, 0.05)])
+        posed = mesh.vertices.copy()
+        for each in held.components:
+            affine = each.counterpart.transform(pull, mesh.vertices[vertex])
+            band = band_of(each, affine, np.eye(3, 4), mesh.diagonal)
+            some = np.concatenate([each.core.vertices, each.vertices])
+            weight = np.concatenate([each.core.values, each.share * weights_at(each.depth, band)])
+            posed[some] += weight[:, None] * (affine[:, 3] + posed[some] @ (affine[:, :3] - np.eye(3)).T)
+        shapes.append(posed)
+    np.testing.assert_allclose(shapes[1][pairs] * (-1, 1, 1), shapes[0], atol=1e-3 * mesh.diagonal)
+    assert np.abs(shapes[0] - mesh.vertices).max() > 0.2
+
+
+def horned_plate(side=41):
+    """Return a plate with two equal horns, the horn (V,) of each vertex or −1, and the mirror image of each vertex."""
+    line = np.linspace(-1, 1, side)
+    x, z = (each.ravel() for each in np.meshgrid(line, line, indexing="ij"))
+    away = np.stack([np.hypot(x - at, z) for at in (-0.5, 0.5)])
+    height = 0.6 * np.clip(1 - away.min(axis=0) / 0.25, 0, 1)
+    horns = np.where(away.min(axis=0) < 0.25, away.argmin(axis=0), -1)
+    index = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (each.ravel() for each in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    left = np.stack([a, c, b, a, d, c], axis=1).reshape(-1, 3)
+    right = np.stack([a, d, b, b, d, c], axis=1).reshape(-1, 3)
+    on_left = x[left].mean(axis=1) < 0
+    faces = np.concatenate([left[on_left], right[x[right].mean(axis=1) > 0]])
+    return dfd.Mesh(np.stack([x, height, z], axis=1), faces), horns, index[::-1].ravel()
+
+
+def test_twelve_moving_handles_reuse_what_they_hold(animal):
+    sample, known, _ = animal
+    session = fresh(known)
+    places = np.linspace(0, len(sample.mesh.vertices) - 1, 40).astype(int)
+    handles = [session.add(int(at), translation=(0, 0.01 * (1 + number), 0)) for number, at in enumerate(places)]
+    _ = session.vertices
+    held = dict(session.bound._holdings)
+    assert len(held) >= len(handles)
+    session.move(handles[3], translation=(0.1, 0, 0))
+    _ = session.vertices
+    assert all(session.bound._holdings[key] is each for key, each in held.items())
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-5, 1e-3])
+def test_a_seam_stays_closed(animal, gap):
+    """Cut the shape along a plane through the head, and move one half a little, as quantization does."""
+    sample, _, rows = animal
+    mesh = sample.mesh
+    own = sample.vertices_of("head")
+    cut = mesh.vertices[own].mean(axis=0)[2]
+    below = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] < cut
+    low, high = np.unique(mesh.faces[below]), np.unique(mesh.faces[~below])
+    number = np.full((2, len(mesh.vertices)), -1)
+    number[0, low], number[1, high] = np.arange(len(low)), len(low) + np.arange(len(high))
+    vertices = np.concatenate([mesh.vertices[low], mesh.vertices[high] + (0, 0.9 * gap * mesh.diagonal, 0)])
+    torn = dfd.Mesh(vertices, np.concatenate([number[0][mesh.faces[below]], number[1][mesh.faces[~below]]]))
+    both = np.intersect1d(low, high)
+    session = dfd.Deformer(torn, field_of(torn), features=np.concatenate([rows[low], rows[high]]))
+    for part in ("head", "leg", "ear"):
+        tip = tip_of(sample, part)
+        pull = 0.2 * mesh.diagonal
+        handle = session.add(int(number[:, tip].max()), translation=(pull, 0, 0))
+        open_by = np.linalg.norm(session.vertices[number[0, both]] - session.vertices[number[1, both]], axis=1)
+        assert open_by.max() <= gap * mesh.diagonal + 0.01 * pull + 1e-9
+        session.remove(handle)
+
+
+def test_vertices_without_faces_follow_the_nearest_surface(animal):
+    sample, _, rows = animal
+    mesh, tip = sample.mesh, tip_of(sample, "head")
+    own = sample.vertices_of("head")[::7]
+    for off in (1e-6, 1e-4, 1e-2):
+        stray = mesh.vertices[own] + off * mesh.normals[own]
+        whole = dfd.Mesh(np.concatenate([mesh.vertices, stray]), mesh.faces)
+        session = dfd.Deformer(whole, field_of(whole), features=np.concatenate([rows, rows[own]]))
+        session.add(tip, translation=(0.3, 0, 0))
+        moved = session.vertices - whole.vertices
+        near = np.linalg.norm(moved[len(mesh.vertices) :] - moved[own], axis=1)
+        assert np.median(near) < 1e-3
+        assert near.max() < 0.15
+
+
+@given(outward=st.floats(1e-3, 1), inward=st.floats(0, 1), more=st.floats(0, 1))
+def test_weights_fall_smoothly_across_the_band(outward, inward, more):
+    depth = np.linspace(-outward - more, inward + more, 500).astype(np.float32)
+    weights = weights_at(depth, Band(outward, inward))
+    assert (np.diff(weights) >= -1e-5).all()
+    assert weights[depth >= inward].min(initial=1.0) >= 1 - 1e-5
+    assert weights[depth <= -outward].max(initial=0.0) <= 1e-5
+    slope = np.diff(weights) / np.maximum(np.diff(depth), 1e-30)
+    assert slope.max() <= STEEPEST / (outward + inward) * 1.05 + 1e-3
+
+
+def test_the_band_keeps_its_limits(animal):
+    sample, known, _ = animal
+    mesh, session = sample.mesh, fresh(known)
+    areas = vertex_areas(mesh.vertices, mesh.faces)
+    for part in ("leg", "ear", "head", "tail"):
+        tip = tip_of(sample, part)
+        handle = session.add(tip)
+        held = session.bound.hold(session.handle(handle).place)
+        rest = session.following[:, 0]
+        inside = np.isin(np.arange(len(mesh.vertices)), np.flatnonzero(held._component[nodes_of(mesh).of_vertex] >= 0))
+        for size in (0.01, 0.1, 0.5):
+            session.move(handle, translation=(size * mesh.diagonal, 0, 0))
+            weights = session.following[:, 0]
+            assert areas[(weights > 1e-3) & ~inside].sum() <= (BEYOND + 0.03) * areas[~inside].sum()
+            for (band,), component in zip(session.bound.bands(session.edit), held.components, strict=True):
+                assert band.outward <= component.outward
+                assert band.inward <= component.inward <= INSIDE * component.depth.max(initial=np.inf) + 1e-6
+                asked = size * mesh.diagonal * STEEPEST / STRAIN
+                wide = band.outward + band.inward
+                at_limit = band.outward == component.outward or band.inward == component.inward
+                assert wide >= 0.4 * asked or at_limit
+        assert (rest[tip], weights[tip]) == (1.0, 1.0)
+        session.remove(handle)
+
+
+def test_the_band_does_not_cross_a_gap_between_two_surfaces():
+    """Two plates, one close above the other without contact: a motion of the upper one leaves the lower one still."""
+    mesh, horns, _ = horned_plate()
+    count = len(mesh.vertices)
+    gap = 0.01 * mesh.diagonal
+    both = dfd.Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices - (0, gap, 0)]), np.concatenate([mesh.faces, mesh.faces + count])
+    )
+    component = np.concatenate([np.where(horns == 0, 0, -1), np.full(count, -1)])
+    tip = int(mesh.vertices[:, 1].argmax())
+    held = hold(both, component, tip, both.vertices[tip], 0, None, None)
+    (own,) = held.components
+    assert max(own.vertices.max(), own.core.vertices.max()) < count
+    assert own.vertices.size > 0
+
+
+def test_bends_of_counterparts_neither_crack_nor_stretch_much(animal):
+    sample, known, _ = animal
+    session = fresh(known)
+    for part in ("leg", "ear", "horn", "tail", "head"):
+        handle = session.add(tip_of(sample, part), bend=60)
+        stretch = largest_stretch(sample.mesh.vertices, session.vertices, sample.mesh.faces)
+        assert session.report().stretch == stretch
+        assert stretch <= 3, part
+        session.remove(handle)
+
+
+def test_resting_bands_and_motions_in_place(animal):
+    sample, known, _ = animal
+    session = fresh(known)
+    handle = session.add(tip_of(sample, "leg"))
+    column = session.bound.plan(session.edit).columns[0]
+    rest = (band_at_rest(column.pieces[0].component, sample.mesh.diagonal),)
+    assert bands_of(column, sample.mesh, session.edit) == rest
+    held = session.handle(handle)
+    for far in ((1.7e308,) * 3, (-1.7e308, 1.7e308, 0)):
+        with np.errstate(all="ignore"):
+            thrown = replace(held, transform=replace(held.transform, translation=far))
+        (band,) = bands_of(column, sample.mesh, replace(session.edit, handles=(thrown,)))
+        assert np.isfinite(band).all()
