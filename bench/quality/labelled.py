@@ -16,6 +16,7 @@ from bench.quality.shapes import Shape, made
 from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
+from dfd.symmetry.search import symmetry_planes
 
 EACH = 4  # largest number of handles for each label
 FEW_FACES, FACES = 4_000, 20_000  # number of faces of a sample in a quick and in a full run
@@ -47,7 +48,7 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
         "geodesic precision": 1 - dfd.Geodesics(mesh).distances(handles).T,
     }
     found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
-    parts = Parts(mesh, field.on(mesh).rows)
+    parts = Parts(mesh, field.on(mesh).rows, lambda: symmetry_planes(field, mesh))
     moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
     for name, preset in (("grip", "default"), ("paper's grip", "paper")):
         session = dfd.Deformer(mesh, field, preset=preset, features=features)

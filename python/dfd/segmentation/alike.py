@@ -3,14 +3,15 @@
 import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64
-from dfd.segmentation.choose import closed
+from dfd.segmentation.choose import CLEAR, closed, strength
 from dfd.segmentation.tree import Tree
 
 MOST = 64  # largest number of components of a part
 # Two regions are alike if their squared distance is below 1. It adds the squares of the distance between their mean
 # features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
-# five ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, and of the three extents.
-APART, SIMILAR = 2.0, 1.6
+# six ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, of their strengths, and of the
+# three extents.
+APART, SIMILAR = 2.5, 1.6
 
 
 def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
@@ -33,8 +34,9 @@ def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
     for component in tree.components(tree.inside[node] & ~core):
         if _apart(own, _measures(tree, component)) < 1:
             take(component)
-    for component in _resembling(tree, core, taken):
-        take(component)
+    if strength(tree, core) > CLEAR:  # regions without a clear border resemble each other everywhere
+        for component in _resembling(tree, core, taken):
+            take(component)
     return found
 
 
@@ -55,13 +57,13 @@ def _resembling(tree: Tree, core: Bool, taken: Bool) -> list[Bool]:
 
 
 def _measures(tree: Tree, region: Bool) -> Float64:
-    """Return the logarithms (5,) of a region's area, the length of its border and its extents along principal axes."""
+    """Return the logarithms (6,) of a region's area, its border's length and strength, and its principal extents."""
     patches = tree.patches
     length = patches.borders.length[np.not_equal(*region[patches.borders.pairs.T])].sum()
     area, center = patches.area[region], patches.center[region]
     apart = center - area @ center / area.sum()
     extents = np.sqrt(np.linalg.eigvalsh((apart * area[:, None]).T @ apart / area.sum()).clip(0.0))
-    return np.log(np.array([area.sum(), length, *(extents + patches.spacing)]) + 1e-9)
+    return np.log(np.array([area.sum(), length, strength(tree, region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
 
 
 def _apart(one: Float64, other: Float64) -> float:

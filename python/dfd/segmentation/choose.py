@@ -62,7 +62,7 @@ def candidates(tree: Tree, patch: int) -> Candidates:
     rows = np.array([cues(tree, node, region) for node, region in found])
     order = np.argsort([area @ region for _, region in found], kind="stable")
     nodes, regions = np.array([node for node, _ in found]), np.array([region for _, region in found])
-    clear = any(_strength(tree, region) > CLEAR for region in regions)
+    clear = any(strength(tree, region) > CLEAR for region in regions)
     return Candidates(regions[order], nodes[order], rows[order], clear)
 
 
@@ -108,7 +108,7 @@ def _mean(values: Float64, length: Float64, alone: float) -> float:
     return float(values @ length / length.sum()) if len(length) else alone
 
 
-def _strength(tree: Tree, region: Bool) -> float:
+def strength(tree: Tree, region: Bool) -> float:
     """Return the mean strength of the boundary around `region` (P,)."""
     crossing, length = _crossing(tree, region)
     return _mean(tree.strength[crossing], length, 1.0)

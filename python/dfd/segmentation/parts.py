@@ -96,10 +96,9 @@ class Parts:
         return None if (component[self._patches.place >= 0] == 0).all() else component
 
     def levels(self, at: Any) -> tuple[int, int]:
-        """Return the lowest and the highest level at a place; both are 0 if there is one part only.
-
-        Raises ValueError as `part` does.
-        """
+        """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""
+        if not self._has_surface:
+            return 0, 0
         rungs, middle = self._ladder(int(self._patches.of_vertex[self._vertex(at)]))[1:]
         return -middle, len(rungs) - 1 - middle
 

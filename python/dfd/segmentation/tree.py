@@ -24,7 +24,7 @@ STEP = 0.15  # feature distance of two patches that divides the rate of smoothin
 ROUNDS = 3  # rounds of smoothing; each computes the rates from the features that the previous round smoothed
 # The strength of a boundary is the logistic function of BIAS + CONCAVE × concavity + STEEP × feature distance.
 BIAS, CONCAVE, STEEP = -2.8, 6.0, 1.0
-FEATURES = 0.3  # weight of the distance of the regions' mean features, beside the strength of their boundary
+FEATURES = 0.6  # weight of the distance of the regions' mean features, beside the strength of their boundary
 LEAST_PATCH = 1e-9  # smallest area of a patch in the smoothing, as a share of the surface
 LEAST_SPREAD = 0.05  # smallest divisor of the features: if all features of a shape are nearly equal, they are noise
 SHORTEST = 1e-9  # length of a boundary across a small gap, in diagonals of the bounding box

@@ -16,6 +16,9 @@ from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts
 
 
+PLANE = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0)
+
+
 @pytest.fixture(scope="module")
 def sample():
     return dfd.samples.chair(4000)
@@ -47,7 +50,7 @@ def asked(sample, mesh, monkeypatch):
 
     monkeypatch.setattr(Parts, "components", components)
     monkeypatch.setattr(hold, "find_counterparts", labelled)
-    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: ["found"])
+    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: [PLANE])
     return calls
 
 
@@ -94,7 +97,7 @@ def test_each_counterpart_turns_about_its_own_pivot_in_its_own_frame(session, sa
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-6)
     others = np.setdiff1d(np.arange(len(mesh.vertices)), sample.vertices_of("leg"))
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
-    assert asked == [(foot, ["found"])]
+    assert asked == [(foot, [PLANE])]
     assert session.weights.shape[1] == 1
     assert session.report().handles[0].counterparts == 4
     assert "each of 4 counterparts about its own pivot" in str(session.report())

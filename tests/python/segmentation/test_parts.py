@@ -9,7 +9,7 @@ from made_field import field_of
 
 import dfd
 from dfd.segmentation.parts import Parts
-from dfd.segmentation.patches import Distal, Patches
+from dfd.segmentation.patches import Patches
 
 
 def noisy(sample, seed=0):
@@ -219,20 +219,6 @@ def test_a_handle_in_the_middle_of_a_neck_holds_the_head_too():
     held = parts.components(int(middle)) >= 0
     assert held[np.isin(labels, [animal.parts.index(part) for part in ("head", "ear")])].all()
     assert held[labels == animal.parts.index("body")].mean() < 0.05
-
-
-def test_the_lower_half_of_a_leg_is_beyond_its_middle_and_the_head_is_not():
-    animal = dfd.samples.quadruped(4_000)
-    patches = Patches(animal.mesh)
-    distal = Distal(patches)
-    for number in range(4):
-        leg = animal.vertices_of("leg", number)
-        height = animal.mesh.vertices[leg, 1]
-        half = (height.min() + height.max()) / 2
-        beyond = distal.beyond(int(patches.of_vertex[leg[np.abs(height - half).argmin()]]))[patches.of_vertex]
-        assert beyond[leg[height < half - 0.2 * np.ptp(height)]].all()
-        assert beyond[animal.vertices_of("hoof", number)].all()
-        assert not beyond[np.isin(animal.labels, [animal.parts.index(part) for part in ("neck", "head")])].any()
 
 
 def test_a_part_does_not_contain_another_component_beside_it():

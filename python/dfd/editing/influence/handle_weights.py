@@ -66,17 +66,18 @@ class HandleWeights:
         A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
         `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be that result.
         """
+        self._planes = list(planes)
         if parts is None:
             parts = self.parts
             parts.prepare()
             _ = nodes_of(self.mesh).tree
-        self._planes, self.parts = list(planes), parts
+        self.parts = parts
         return parts
 
     @cached_property
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
-        return Parts(self.mesh, self.rows.of_vertices)
+        return Parts(self.mesh, self.rows.of_vertices, lambda: self._planes)
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
