@@ -24,7 +24,7 @@ GROWTH = 1.05  # smallest ratio between the areas of two candidates in a row
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
 # Added to a cue before its logarithm is taken, so that noise near 0 does not count.
 FLOORS = {"girth": 0.1, "persistence": 0.03, "contrast": 0.1, "concavity": 0.02, "step": 0.05}
-CLEAR = 0.1  # least mean strength (`Tree`) of a clear border; no candidate on a ball, an egg or a box exceeds 0.083
+CLEAR = 0.15  # least mean strength (`Tree`) of a clear border; a border without any crease has at most 0.142
 STEP = 1.25  # smallest ratio between the areas of parts at neighboring levels
 
 
@@ -151,12 +151,6 @@ def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
             covered = np.maximum(covered, overlaps[here])
             levels = [*levels, here] if larger else [here, *levels]
     return levels, levels.index(best)
-
-
-def clarity(tree: Tree, node: int) -> float:
-    """Return how clear the borders of a tree node are: its likelihood, without the cues of its area."""
-    weights = _weights() * [not name.startswith("area") for name in CUES]
-    return float(np.exp(cues(tree, node, tree.inside[node]) @ weights))
 
 
 def component_at(tree: Tree, inside: Bool, patch: int) -> Bool:

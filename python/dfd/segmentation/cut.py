@@ -1,27 +1,66 @@
-"""Divide the whole shape into parts with clear borders, each with its counterparts."""
+"""Divide the whole shape into parts: each patch belongs to the part that a handle there holds."""
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
-from dfd.common.linear_algebra import Int64
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.alike import alike
-from dfd.segmentation.choose import LARGEST, SMALLEST, clarity
+from dfd.segmentation.choose import candidates, ladder
 from dfd.segmentation.tree import Tree
 
+HANDLES = 128  # number of patches at which a part is found; the first orbits of farthest-point sampling are spread evenly
+SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 
 
 def cut_labels(tree: Tree) -> Int64:
-    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most.
-
-    The parts are the tree nodes that cover the shape once, with the largest sum of `clarity` × area.
-    """
+    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most."""
     patches = tree.patches
-    label = np.full(len(patches.area), -1)
-    for node in sorted(_clearest(tree), key=lambda node: -tree.areas[node]):
-        if (label[tree.inside[node]] < 0).any():
-            new = label.max() + 1
-            for region in alike(tree, node, tree.inside[node]):
-                label[region & (label < 0)] = new
+    handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
+    groups: list[list[Bool]] = []  # the components of each part
+    of_handle = np.empty(len(handles), np.int64)
+    for row, handle in enumerate(handles.tolist()):
+        found = candidates(tree, handle)
+        rungs, middle = ladder(found, patches.area)
+        chosen = rungs[middle]
+        region = found.regions[chosen]
+        same = [number for number, group in enumerate(groups) if any(_overlap(tree, region, one) for one in group)]
+        if not same:
+            same = [len(groups)]
+            groups.append(alike(tree, int(found.nodes[chosen]), region))
+        of_handle[row] = same[0]
+    return _without_fragments(tree, _nearest(tree, handles, of_handle, groups))
+
+
+def _nearest(tree: Tree, handles: Int64, of_handle: Int64, groups: list[list[Bool]]) -> Int64:
+    """Return the part of each patch, (P,): that of the nearest handle whose part contains the patch, if there is one.
+
+    A handle also stands for its mirror images, and for every patch of the counterparts that no handle of another part
+    lies on.
+    """
+    count = len(tree.patches.area)
+    label, best = np.zeros(count, np.int64), np.full(count, np.inf)
+    taken = np.isin(tree.patches.orbit, tree.patches.orbit[handles])
+    for number, group in enumerate(groups):
+        own = tree.patches.orbit[handles[of_handle == number]]
+        starts = np.isin(tree.patches.orbit, own)
+        for component in group[1:]:
+            if not (component & taken).any() or (component & starts).any():
+                starts |= component & ~taken
+        apart = dijkstra(tree.links, indices=np.flatnonzero(starts), min_only=True)
+        apart[~np.any(group, axis=0)] += 1.0  # longer than any patch is from its own part, in diagonals of the box
+        nearer = apart < best
+        label[nearer], best[nearer] = number, apart[nearer]
+    return label
+
+
+def _overlap(tree: Tree, one: Bool, other: Bool) -> bool:
+    area = tree.patches.area
+    return bool(area @ (one & other) >= SAME_IOU * (area @ (one | other)))
+
+
+def _without_fragments(tree: Tree, label: Int64) -> Int64:
+    patches = tree.patches
     for small in sorted(set(label.tolist()), key=lambda number: patches.area[label == number].sum()):
         if patches.area[label == small].sum() >= LEAST_AREA:
             break
@@ -31,19 +70,3 @@ def cut_labels(tree: Tree) -> Int64:
             beside = ends[between].sum(axis=1) - small
             label[label == small] = np.bincount(beside, patches.borders.length[between] + 1e-9).argmax()
     return label
-
-
-def _clearest(tree: Tree) -> list[int]:
-    """Return the nodes of the clearest cut. The best cut of a node is the node, or its children's best cuts together."""
-    worth = np.zeros(len(tree.parent))
-    cuts: list[list[int]] = [[] for _ in worth]
-    below = np.zeros(len(worth))
-    for node, parent in enumerate(tree.parent.tolist()):
-        own = tree.areas[node] * clarity(tree, node) if SMALLEST < tree.areas[node] < LARGEST else 0.0
-        if not cuts[node] or own >= below[node]:
-            cuts[node] = [node]
-        worth[node] = max(own, below[node])
-        if parent >= 0:
-            below[parent] += worth[node]
-            cuts[parent] = cuts[parent] + cuts[node]
-    return cuts[-1]
