@@ -77,7 +77,9 @@ class Place:
 
     def iou(self, areas: Float64, inside: Bool) -> float:
         """Return the IoU of the faces `inside` (F,) with the segment, flat or closed, whichever is larger."""
-        return max(float(areas[inside & meant].sum() / areas[inside | meant].sum()) for meant in (self.flat, self.closed))
+        return max(
+            float(areas[inside & meant].sum() / areas[inside | meant].sum()) for meant in (self.flat, self.closed)
+        )
 
 
 def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
@@ -98,7 +100,9 @@ def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
         "random features": random,
     }
     numbers = {name: float(row.mean()) for name, row in rows.items()}
-    return numbers | {f"small: {name}": float(row[small].mean()) if small.any() else np.nan for name, row in rows.items()}
+    return numbers | {
+        f"small: {name}": float(row[small].mean()) if small.any() else np.nan for name, row in rows.items()
+    }
 
 
 def _levels(parts: Parts, mesh: dfd.Mesh, areas: Float64, places: list[Place], steps: int = STEPS) -> Float64:

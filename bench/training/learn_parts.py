@@ -23,7 +23,7 @@ from dfd.segmentation.tree import Tree
 DRAWS = 24  # number of places on each lesson's shape
 SHARPNESS = 20.0  # factor of the IoU in the softmax that the probabilities should match
 LEAST_IOU = 0.5  # a place is a lesson only if a candidate has at least this IoU with the part
-LARGE, LARGE_WEIGHT = 0.05, 3.0  # the shapes have many small parts, so places on parts above this share count 3 times
+LARGE, LARGE_WEIGHT = 0.05, 2.0  # the shapes have many small parts, so places on parts above this share count twice
 PENALTY = 1e-4  # factor of the squared norm of the weights
 
 

@@ -58,7 +58,9 @@ def candidates(tree: Tree, patch: int) -> Candidates:
         if GROWTH * own < area @ whole <= LARGEST:
             found.append((node, whole))
     if not found:
-        return Candidates(np.ones((1, len(area)), bool), np.array(tree.path(patch)[-1:]), np.zeros((1, len(CUES))), False)
+        return Candidates(
+            np.ones((1, len(area)), bool), np.array(tree.path(patch)[-1:]), np.zeros((1, len(CUES))), False
+        )
     rows = np.array([cues(tree, node, region) for node, region in found])
     order = np.argsort([area @ region for _, region in found], kind="stable")
     nodes, regions = np.array([node for node, _ in found]), np.array([region for _, region in found])

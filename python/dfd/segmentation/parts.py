@@ -48,10 +48,7 @@ class Parts:
     """
 
     def __init__(
-        self,
-        mesh: Mesh,
-        features: Callable[[Int64], Float32],
-        planes: Callable[[], Sequence[SymmetryPlane]] = tuple,
+        self, mesh: Mesh, features: Callable[[Int64], Float32], planes: Callable[[], Sequence[SymmetryPlane]] = tuple
     ) -> None:
         self._mesh, self._features, self._planes = mesh, features, planes
 
