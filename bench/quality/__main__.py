@@ -1,4 +1,5 @@
-"""`python -m bench.quality VERB`: measure weights with the module `labelled`, `anatomy`, `borders` or `mirrored`.
+"""`python -m bench.quality VERB`: measure weights with the module `labelled`, `people`, `anatomy`, `borders` or
+`mirrored`.
 
 The table has a row for each category of shapes, with the means over its shapes. The last row has means over categories.
 """
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import dfd
-from bench.quality import anatomy, borders, labelled, mirrored
+from bench.quality import anatomy, borders, labelled, mirrored, people
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -23,6 +24,7 @@ MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the f
     "anatomy": (anatomy, anatomy.rigged_shapes),
     "borders": (borders, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
+    "people": (people, people.people_shapes),
 }
 Row = tuple[str, str, Mapping[str, float]]  # category and name of a shape, and its numbers by the name of the measure
 

@@ -3,9 +3,9 @@
 Beside each mesh `N.off` lies `N_people.npz` with the array `segment` (people, faces): the segment of each face by each
 person. Source: Chen, Golovinskiy and Funkhouser, "A benchmark for 3D mesh segmentation", 2009.
 
-A place is drawn as a person grabs a part: a random person, a random segment of theirs, a random place in it by area. The
-component of the part at this place is compared with the segment by the IoU of their areas. The segment counts flat, or
-with everything that it cuts off from the largest rest of the surface, whichever is nearer.
+A place is drawn as a person grabs a part: a random person, a random segment of theirs, a random place in it by area.
+The component of the part at this place is compared with the segment by the IoU of their areas. The segment counts flat,
+or with everything that it cuts off from the largest rest of the surface, whichever is nearer.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,25 +1,32 @@
 """Learn how likely a person means each part at a place: the weights of `dfd.segmentation.choose`.
 
-Lessons are rigs, where a part is the subtree of a joint, and generated shapes (`bench.training.made_shapes`), where a
-part is a primitive with everything attached to it. A lesson draws a part, not an area, and then a place on this part.
-The weights minimize the cross-entropy of the probabilities of the candidates and a softmax of their IoU.
+Lessons are generated shapes (`bench.training.made_shapes`), so every part is known, and small parts count as much as
+large ones: a lesson draws a part, and then a place on this part by area. The weights minimize the cross-entropy of the
+probabilities of the candidates and a softmax of their IoU. `python -m bench.training.learn_parts` writes the weights.
 """
 
 import json
+import os
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
 import dfd
+import dfd.segmentation
+from bench.tables import write_text
+from bench.training.made_shapes import made_shape
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.choose import CUES, candidates
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.tree import Tree
 
+SHAPES = 60  # number of generated shapes
 DRAWS = 24  # number of places on each lesson's shape
 SHARPNESS = 20.0  # factor of the IoU in the softmax that the probabilities should match
 LEAST_IOU = 0.5  # a place is a lesson only if a candidate has at least this IoU with the part
@@ -87,3 +94,22 @@ def learn(lessons: Sequence[Place]) -> Float64:
 
     optimizer.step(loss)
     return weights.detach().numpy() / spread
+
+
+def main() -> None:
+    """Learn from the generated shapes, and write the weights into the package."""
+    os.environ["HF_HUB_OFFLINE"] = "1"
+    lessons: list[Place] = []
+    for number in range(SHAPES):
+        print(f"shape {number + 1} of {SHAPES}", file=sys.stderr)
+        shape = made_shape(number)
+        tree = tree_of(shape.mesh, dfd.distill(shape.mesh, progress=False))
+        lessons += places(shape.mesh, tree, shape.parts, number)
+    weights = {name: round(float(weight), 3) for name, weight in zip(CUES, learn(lessons), strict=True)}
+    path = Path(dfd.segmentation.__file__).with_name("part_weights.json")
+    write_text(path, json.dumps({"weights": weights}, ensure_ascii=False, indent=2) + "\n")
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""Find the regions of a shape that look like a part: its mirror images, and tree nodes with similar features and size."""
+"""Find the regions of a shape that look like a part: its mirror images, and regions of similar features and size."""
 
 import numpy as np
 
@@ -19,7 +19,6 @@ def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
 
     `region` is a component of the tree node `node`, alone or closed. No two components overlap.
     """
-    area = tree.patches.area
     core = region & tree.inside[node]
     whole = bool((region & ~core).any())
     found, taken = [region], region.copy()

@@ -135,7 +135,7 @@ class Parts:
         chosen = rungs[min(max(middle + level, 0), len(rungs) - 1)]
         region, node = found.regions[chosen], int(found.nodes[chosen])
         regions = np.array(alike_regions(self._tree, node, region) if with_alike else [region])
-        inside = regions.any(axis=0)
+        inside: Bool = np.any(regions, axis=0)
         place = int(patches.place[patches.nodes.of_vertex[vertex]])
         side = snapped(patches, inside, place if place >= 0 else None)
         component = np.where(inside, regions.argmax(axis=0), -1)[patches.of_place]

@@ -299,7 +299,7 @@ def _orbits(places: Float64, area: Float64, spacing: float, mirrors: Sequence[Mi
     middle = (area @ center) / area.sum()
     start = int(_rounded(np.linalg.norm(center[own] - middle, axis=1)).argmin())
     chosen = own[_farthest_points(places[own], [start], near, MOST >> len(mirrors))]
-    tree, of_seed = cKDTree(center), {}
+    tree, of_seed = cKDTree(center), dict[int, int]()
     for orbit, seed in enumerate(chosen.tolist()):
         images = [center[seed]]
         for mirror in mirrors:
@@ -333,18 +333,14 @@ def _farthest_points(points: Float64, first: Sequence[int], near: float, most: i
 
     The result (K,) ends if no point is farther than `near` from all others in it.
     """
-    tree, apart = cKDTree(points), np.full(len(points), np.inf)
-    chosen, widest = list(first), float(np.linalg.norm(np.ptp(points, axis=0)))
-    for done in range(most):
-        if done == len(chosen):
-            farthest = int(apart.argmax())
-            widest = float(apart[farthest])
-            if widest < near:
-                break
-            chosen.append(farthest)
+    tree, chosen = cKDTree(points), list(first)
+    apart = _rounded(cKDTree(points[chosen]).query(points)[0])
+    while len(chosen) < most and apart.max() >= near:
+        farthest = int(apart.argmax())
+        chosen.append(farthest)
         # Only points within the largest distance can come nearer.
-        some = np.array(tree.query_ball_point(points[chosen[done]], widest * (1 + 1e-9)))
-        apart[some] = np.minimum(apart[some], _rounded(np.linalg.norm(points[some] - points[chosen[done]], axis=1)))
+        some = np.array(tree.query_ball_point(points[farthest], apart[farthest] * (1 + 1e-9)))
+        apart[some] = np.minimum(apart[some], _rounded(np.linalg.norm(points[some] - points[farthest], axis=1)))
     return np.array(chosen)
 
 

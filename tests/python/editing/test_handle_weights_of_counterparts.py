@@ -15,7 +15,6 @@ from dfd.export.rig import rig_of
 from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts
 
-
 PLANE = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0)
 
 
