@@ -85,15 +85,22 @@ def test_one_factor_scales_all_axes(factor):
         ({"rotation": 90}, r"`rotation` must be a rotation vector in degrees \(3 numbers\) or a quaternion"),
         ({"rotation": (0, 0, 0, 0)}, r"`rotation` must be a quaternion other than 0"),
         ({"rotation": (1e300, 1e300, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
-        ({"translation": (1e308, 0, 0), "pivot": (1e308, 0, 0)}, r"the matrix is not finite"),
+        ({"translation": (0, -1e39, 0)}, r"`translation` must be numbers of at most 1e\+38, got 0,-1e\+39,0"),
+        ({"pivot": (0, 0, 1e39)}, r"Transform: `pivot` must be numbers of at most 1e\+38, got 0,0,1e\+39"),
+        ({"scale": -1e39}, r"Transform: `scale` must be numbers of at most 1e\+38, got -1e\+39"),
         ({"axes": np.eye(2)}, r"`axes` must have shape \(3, 3\), got \(2, 2\)"),
         ({"axes": [(1, 0, 0), (0, 1, 0), (0, 1, 1)]}, r"`axes` must be 3 unit vectors at right angles, got"),
-        ({"scale": 1e200, "pivot": (1e200, 0, 0)}, r"the matrix is not finite"),
     ],
 )
 def test_what_is_no_transform_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         Transform(**arguments).matrix()
+
+
+def test_a_center_too_far_away_is_refused():
+    with pytest.raises(ValueError, match="the matrix is not finite"):
+        Transform(scale=1e38).matrix((1e300, 0.0, 0.0))
+    assert np.isfinite(Transform(translation=(1e38, 0, 0), scale=1e38, pivot=(1e38, 0, 0)).matrix()).all()
 
 
 def test_a_transform_checks_itself_once_and_keeps_its_matrix():
