@@ -88,7 +88,7 @@ def test_a_twisted_bar_keeps_its_volume():
 @TYPES
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_blend_of_a_rotation_with_the_default_takes_the_shorter_way(dtype, mirrored):
-    """Between rotations by 170° and −170°, half way is 180°, not 0°. With a mirror, the handle gives −170° beyond it."""
+    """Half way between rotations by 170° and −170° is 180°, not 0°. Beyond a mirror, 170° becomes −170°."""
     vertices = np.abs(scene(50, 0, dtype=dtype)[0]) * np.array([-1, 1, 1], dtype)
     one, other = (about([0, 0, 0], rotation([0, 0, 1], np.radians(angle))) for angle in (170, -170))
     options = {"symmetry": dfd.SymmetryPlane((1, 0, 0), 0.0), "handles": [[1.0, 0, 0]]} if mirrored else {}
