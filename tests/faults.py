@@ -10,24 +10,30 @@ from __future__ import annotations
 
 import argparse
 import ast
+import importlib
+import importlib.util
 import os
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import wait
 from pathlib import Path
-from queue import Queue
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = Path("python/dfd")
 PACKAGES = ("editing", "segmentation", "posing", "weights", "field")
 COPIED = ("python", "tests", "bench", "docs", "pyproject.toml", "README.md", "CONTRIBUTING.md", "SECURITY.md")
 LEFT_OUT = ("node_modules", "__pycache__", "client", "corpus", ".hypothesis")
+# Tests run in forked processes, so that these packages, which tests need, are imported only once.
+FORK = get_context("fork")
+PRELOADED = ("numpy", "scipy.sparse.csgraph", "scipy.spatial", "torch", "pydantic", "trimesh")
 WANTED = 0.9  # smallest share of faults that the tests must find
 SLOW = "slow or processes or browser"  # marks of tests that do not run
 
@@ -191,47 +197,88 @@ def drawn_faults(packages: tuple[str, ...], count: int, seed: int) -> list[Fault
 
 def copy_of_tree(folder: Path) -> Path:
     """Copy the sources, the tests and the installed extension to `folder`."""
-    import dfd._core as _core
-
     for name in COPIED:
         source, ignored = ROOT / name, shutil.ignore_patterns(*LEFT_OUT)
         shutil.copytree(source, folder / name, ignore=ignored) if source.is_dir() else shutil.copy(source, folder)
-    shutil.copy(_core.__file__, folder / SOURCES)
+    installed = importlib.util.find_spec("dfd")
+    assert installed is not None
+    for place in installed.submodule_search_locations or ():
+        for extension in Path(place).glob("_core*"):
+            shutil.copy(extension, folder / SOURCES)
     return folder
 
 
-def seconds_of_tests(tree: Path, package: str, first: str, longest: float | None = None) -> float | None:
-    """Run the quick tests of `package` in a copy of the tree. Return their seconds, or None if a test fails.
+class Trial:
+    """A run of the quick tests of a package, in a forked process and in the copy `tree`, with or without a fault."""
 
-    The tests in `test_FIRST.py` run first. Tests that take longer than `longest` seconds count as failed.
-    """
-    tests = Path("tests/python", package)
-    order = [*(str(path) for path in sorted(tests.rglob(f"test_{first}.py"))), str(tests)]
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", *order]
-    environment = {**os.environ, "PYTHONPATH": "python", "OMP_NUM_THREADS": "1"}
+    def __init__(self, tree: Path, package: str, fault: Fault | None, longest: float) -> None:
+        """Put the fault in, and start the tests. Tests that take longer than `longest` seconds count as failed."""
+        self.tree, self.fault = tree, fault
+        if fault is not None:
+            self._file = tree / SOURCES / fault.path
+            self._text = self._file.read_text()
+            self._file.write_text(fault.put_in(self._text))
+        self.process = FORK.Process(target=_run_tests, args=(tree, package, "" if fault is None else fault.path.stem))
+        self.process.start()
+        self._end = time.monotonic() + longest
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether the tests have ended; end them if they take too long."""
+        if self.process.is_alive() and time.monotonic() > self._end:
+            self.process.kill()
+            self.process.join()
+        return not self.process.is_alive()
+
+    def passed(self) -> bool:
+        """Take the fault out, and return whether all tests passed."""
+        if self.fault is not None:
+            self._file.write_text(self._text)
+            for compiled in (self._file.parent / "__pycache__").glob(f"{self._file.stem}.*"):
+                compiled.unlink()
+        return self.process.exitcode == 0
+
+
+def _run_tests(tree: Path, package: str, first: str) -> None:
+    """Run the quick tests of `package` until one fails; those in `test_FIRST.py` run first. Exit with pytest's code."""
+    os.chdir(tree)
+    sys.path[:] = [str(tree / "python"), *(path for path in sys.path if not Path(path).resolve().is_relative_to(ROOT))]
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+        del sys.modules[name]
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    folder = Path("tests/python", package)
+    order = [*(str(path) for path in sorted(folder.rglob(f"test_{first}.py"))), str(folder)]
+    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", *order])))
+
+
+def trials(faults: list[Fault], trees: list[Path], longest: dict[str, float]) -> Iterator[tuple[Fault, bool]]:
+    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and whether a test fails."""
+    waiting, running = list(reversed(faults)), list[Trial]()
+    while waiting or running:
+        free = [tree for tree in trees if all(trial.tree is not tree for trial in running)]
+        for tree in free[: len(waiting)]:
+            fault = waiting.pop()
+            running.append(Trial(tree, fault.package, fault, longest[fault.package]))
+        wait([trial.process.sentinel for trial in running], timeout=1.0)
+        for trial in [trial for trial in running if trial.is_over]:
+            running.remove(trial)
+            assert trial.fault is not None
+            yield trial.fault, not trial.passed()
+
+
+def time_limit(tree: Path, package: str) -> float:
+    """Return the longest time in seconds that the tests of `package` may take; raise ValueError if they fail."""
     began = time.monotonic()
-    try:
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=longest, check=False)
-    except subprocess.TimeoutExpired:
-        return None
-    return time.monotonic() - began if done.returncode == 0 else None
-
-
-def is_found(fault: Fault, tree: Path, longest: float) -> bool:
-    """Return whether the tests find `fault`, which is put into the copy `tree` and then taken out again."""
-    file = tree / SOURCES / fault.path
-    text = file.read_text()
-    file.write_text(fault.put_in(text))
-    try:
-        return seconds_of_tests(tree, fault.package, fault.path.stem, longest) is None
-    finally:
-        file.write_text(text)
-        for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
-            compiled.unlink()
+    trial = Trial(tree, package, None, float("inf"))
+    trial.process.join()
+    if not trial.passed():
+        raise ValueError(f"the tests of {package} fail without any fault")
+    return 5 * (time.monotonic() - began) + 60
 
 
 def main() -> int:
-    """Print the share of faults that the tests find, and the others."""
+    """Print the share of faults that the tests find, and each fault."""
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="number of faults that are drawn at random")
     parser.add_argument("--seed", type=int, default=0, help="equal seeds give equal faults of equal sources")
@@ -242,30 +289,19 @@ def main() -> int:
     if missing := [each for each in packages if not (ROOT / SOURCES / each).is_dir()]:
         parser.error(f"there is no package {', '.join(missing)} in {SOURCES}")
     faults = named_faults(packages) + drawn_faults(packages, given.count, given.seed)
-    trees: Queue[Path] = Queue()
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.jobs) as pool:
-        for number in range(given.jobs):
-            trees.put(copy_of_tree(Path(folder, str(number))))
-        longest = {}
-        for package in {fault.package: None for fault in faults}:
-            needed = seconds_of_tests(Path(folder, "0"), package, "")
-            if needed is None:
-                parser.error(f"the tests of {package} fail without any fault")
-            longest[package] = 5 * needed + 60
-
-        def try_out(fault: Fault) -> bool:
-            tree = trees.get()
-            found = is_found(fault, tree, longest[fault.package])
-            trees.put(tree)
-            return found
-
-        missed = []
-        for number, (fault, found) in enumerate(zip(faults, pool.map(try_out, faults), strict=True), 1):
+    os.environ["OMP_NUM_THREADS"] = "1"
+    for name in PRELOADED:
+        importlib.import_module(name)
+    missed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        trees = [copy_of_tree(Path(folder, str(number)).resolve()) for number in range(given.jobs)]
+        longest = {package: time_limit(trees[0], package) for package in sorted({fault.package for fault in faults})}
+        for number, (fault, found) in enumerate(trials(faults, trees, longest), 1):
+            missed += not found
             print(f"{number}/{len(faults)}", "found" if found else "NOT FOUND", end=": ")
             print(fault.shown((ROOT / SOURCES / fault.path).read_text()), flush=True)
-            missed += [] if found else [fault]
-    share = 1 - len(missed) / len(faults)
-    print(f"The tests find {len(faults) - len(missed)} of {len(faults)} faults ({share:.0%}).")
+    share = 1 - missed / len(faults)
+    print(f"The tests find {len(faults) - missed} of {len(faults)} faults ({share:.0%}).")
     return int(share < WANTED)
 
 
