@@ -296,10 +296,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         trees = [copy_of_tree(Path(folder, str(number)).resolve()) for number in range(given.jobs)]
         longest = {package: time_limit(trees[0], package) for package in sorted({fault.package for fault in faults})}
+        texts = {fault.path: (trees[0] / SOURCES / fault.path).read_text() for fault in faults}
         for number, (fault, found) in enumerate(trials(faults, trees, longest), 1):
             missed += not found
             print(f"{number}/{len(faults)}", "found" if found else "NOT FOUND", end=": ")
-            print(fault.shown((ROOT / SOURCES / fault.path).read_text()), flush=True)
+            print(fault.shown(texts[fault.path]), flush=True)
     share = 1 - missed / len(faults)
     print(f"The tests find {len(faults) - missed} of {len(faults)} faults ({share:.0%}).")
     return int(share < WANTED)

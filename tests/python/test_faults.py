@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+
 from tests import faults
 
 TEXT = '''"""A docstring with 0.5 in it."""
