@@ -121,9 +121,11 @@ def _replacements(tree: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
                     yield node, _in_brackets(right)
                 yield from _next_numbers(left, right)
             case ast.BoolOp(op=op, values=values):
-                joint = " and " if isinstance(op, ast.And) else " or "
                 for left_out in values:
-                    yield node, f"({joint.join(_in_brackets(each) for each in values if each is not left_out)})"
+                    others = [each for each in values if each is not left_out]
+                    yield node, _in_brackets(others[0] if len(others) == 1 else ast.BoolOp(op, others))
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int())):
+                continue  # an index or an axis
             case ast.UnaryOp(op=ast.USub() | ast.Not() | ast.Invert(), operand=operand):
                 yield node, _in_brackets(operand)
             case ast.IfExp(body=body, orelse=other):

@@ -46,7 +46,7 @@ def test_every_kind_of_fault_is_drawn_and_nothing_else_changes():
         "total = 2 + values[2]",
         "if (total > 7):",
         "if values or total > 7:",
-        "if ((not values)):",
+        "if (not values):",
         "if not values or total <= 7:",
         "if not values or total > 8:",
         "pass",
