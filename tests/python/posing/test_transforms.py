@@ -106,14 +106,14 @@ def test_without_a_pivot_or_a_center_a_transform_turns_about_the_origin():
 @pytest.mark.parametrize("amount", [0.5, -1.0])
 def test_every_motion_is_known_to_move(axis, amount):
     vector = tuple(amount * np.eye(3)[axis])
-    for given, turns, bends in (
+    for arguments, turns, bends in (
         ({"translation": vector}, False, False),
         ({"rotation": vector}, True, False),
         ({"scale": tuple(1.0 + np.array(vector))}, True, False),
         ({"bend": vector}, False, True),
         ({"twist": amount}, False, True),
     ):
-        transform = Transform(**given)
+        transform = Transform(**arguments)
         assert (transform.rests, transform.turns, transform.bends) == (False, turns, bends)
     still = Transform(pivot=vector, joint=0.5, axes=np.eye(3)[[1, 2, 0]])
     assert (still.rests, still.turns, still.bends) == (True, False, False)
