@@ -45,7 +45,7 @@ def full_edit(mesh):
         ),
         fixed=(
             Fixed(place_on(mesh, 7)),
-            Fixed(Place((9.0, 9.0, 9.0)), 0.25),
+            Fixed(Place((0.9, 0.9, 0.9)), 0.25),
             Fixed(place_on(mesh, Box((-1, -1, 0.9), (-0.4, 1, 1)))),
             Fixed(place_on(mesh, HalfSpace((0.0, 0.0, -2.0), -0.02)), 0.5),
         ),

@@ -15,7 +15,21 @@ from dfd.common import tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Int64
 
-__all__ = ["array", "choice", "ending", "field", "keywords", "number", "vertex_indices", "warn", "whole"]
+__all__ = [
+    "LARGEST",
+    "array",
+    "bounded",
+    "choice",
+    "ending",
+    "field",
+    "keywords",
+    "number",
+    "vertex_indices",
+    "warn",
+    "whole",
+]
+
+LARGEST = 1e38  # largest absolute value of a number in an edit, because the kernels compute with 32-bit floats
 
 
 def array(
@@ -86,6 +100,13 @@ def number(
     if maximum is not None and result > maximum:
         raise ArgumentError(name, f"must be at most {maximum:g}, got {result:g}", function)
     return result
+
+
+def bounded(function: str | None, name: str, numbers: Sequence[float]) -> None:
+    """Raise ValueError if the absolute value of one of `numbers` exceeds `LARGEST`."""
+    if max(map(abs, numbers)) > LARGEST:
+        found = ",".join(f"{each:g}" for each in numbers)
+        raise ArgumentError(name, f"must be numbers of at most {LARGEST:g}, got {found}", function)
 
 
 def whole(

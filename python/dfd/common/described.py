@@ -106,7 +106,8 @@ def words_of(kind: Any) -> tuple[Any, ...]:
 def check_fields(value: Any) -> None:
     """Check the values of the fields of a frozen dataclass by the fields' types and descriptions.
 
-    Values of float fields become floats, and 3-vectors become tuples. None is valid if the type of the field allows it.
+    Values of float fields become floats, and 3-vectors become tuples. Without other bounds, the largest absolute value
+    is `check.LARGEST`. None is valid if the type of the field allows it.
 
     Raises ArgumentError, which names the class in place of a function, if a value is invalid.
     """
@@ -121,6 +122,7 @@ def check_fields(value: Any) -> None:
                 raise ArgumentError(name, f"must be True or False, got {given!r}", function)
         elif kind == tuple[float, float, float]:
             numbers = check.array(function, name, given, (3,), dtype=np.float64)
+            check.bounded(function, name, numbers.tolist())
             object.__setattr__(value, name, tuple(numbers.tolist()))
         elif float in kinds and said is not None:
             if isinstance(given, str) and given in words:
@@ -129,9 +131,9 @@ def check_fields(value: Any) -> None:
                 bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
                 choices = ", ".join(f'"{word}"' for word in words)
                 raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
-            number = check.number(
-                function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
-            )
+            low = -check.LARGEST if said.minimum is None else said.minimum
+            high = check.LARGEST if said.maximum is None else said.maximum
+            number = check.number(function, name, given, minimum=low, maximum=high, exclusive=said.exclusive)
             object.__setattr__(value, name, number)
         elif int in kinds and said is not None:
             least = None if said.minimum is None else int(said.minimum)

@@ -6,28 +6,32 @@ from typing import Any, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-LONGEST_REASON = 500  # characters
+LONGEST_ARGUMENT, LONGEST_REASON = 200, 500  # characters
 
 
 class ArgumentError(ValueError):
     """An invalid argument, with the message "function: `argument` reason".
 
     `argument` is the parameter's name in the public function. `reason` says what the argument must be, and which value
-    was found. `function` is the name of the public function, or None until `called` adds it. The reason is cut to one
-    line of at most `LONGEST_REASON` characters, because the value found may be a large array or a long text.
+    was found. `function` is the name of the public function, or None until `called` adds it. Both texts are cut to one
+    line of at most `LONGEST_ARGUMENT` and `LONGEST_REASON` characters, because the value found may be a large array or
+    a long text, and the argument may be a key of a file.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
-        if "\n" in reason:
-            reason = one_line(reason)
-        if len(reason) > LONGEST_REASON:
-            reason = f"{reason[: LONGEST_REASON - 1]}…"
+        argument, reason = _cut(argument, LONGEST_ARGUMENT), _cut(reason, LONGEST_REASON)
         super().__init__(argument, reason, function)
         self.argument, self.reason, self.function = argument, reason, function
 
     def __str__(self) -> str:
         message = f"`{self.argument}` {self.reason}"
         return f"{self.function}: {message}" if self.function else message
+
+
+def _cut(text: str, most: int) -> str:
+    """Return the first `most` characters of `text` in one line."""
+    line = one_line(text) if len(text.splitlines()) > 1 else text
+    return line if len(line) <= most else f"{line[: most - 1]}…"
 
 
 def one_line(text: object) -> str:

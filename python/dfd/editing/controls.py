@@ -12,7 +12,7 @@ from dfd.common.described import About, Brief, Tagged, about, check_fields
 from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import LARGEST, PRESETS, Counterparts, Reach
+from dfd.editing.presets import PRESETS, Counterparts, Reach
 from dfd.editing.regions import Region
 from dfd.weights.bind import Falloff
 
@@ -37,7 +37,7 @@ class Controls(Brief):
         About(
             'Feature distance at which the weight is 0 (1 in Eq. 5). With "part", weights end at the part\'s border.',
             0.0,
-            LARGEST,
+            check.LARGEST,
             exclusive=True,
             metavar="R|part",
             slider=(0.05, 1.5, 0.01),
@@ -56,7 +56,7 @@ class Controls(Brief):
         About(
             "λ of Eq. 7: a higher value lowers the weights of distant surface more; 0 ignores the distance.",
             0.0,
-            LARGEST,
+            check.LARGEST,
             metavar="λ",
             slider=(0.0, 20.0, 0.5),
         ),
@@ -67,6 +67,7 @@ class Controls(Brief):
             "Replaces locality: the distance along the surface at which the weight smoothly reaches 0, in mesh units "
             "or % of the bounding box's diagonal.",
             0.0,
+            check.LARGEST,
             exclusive=True,
             metavar="R|P%",
             unit="length",
@@ -111,7 +112,7 @@ class Controls(Brief):
         About(
             "Width of the fade to 0 outside the mask, in mesh units or % of the bounding box's diagonal.",
             0.0,
-            LARGEST,
+            check.LARGEST,
             metavar="W|P%",
             unit="length",
             label="Limit's edge",

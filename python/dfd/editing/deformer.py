@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError, called, public
@@ -18,6 +18,7 @@ from dfd.editing import verbs
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
+from dfd.editing.influence import handle_features
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.presets import SymmetryCandidates
@@ -65,7 +66,7 @@ class Deformer(History):
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_next_id", "_posed", "bound", "field", "mesh")
+    __slots__ = ("__weakref__", "_features", "_next_id", "_shapes", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session; `dfd` sets it to `dfd.app.show`
 
     @public
@@ -82,14 +83,30 @@ class Deformer(History):
         self.field = check.field("Deformer", field)
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
-        self.bound = HandleWeights(self.mesh, field, features)  # weights and parts, for programs that show them
-        self._posed = PosedShape(self.mesh, self.bound)
+        self._features = features
+        self._shapes: dict[bool, tuple[HandleWeights, PosedShape]] = {}
         self._start(Edit(preset=preset))
 
     def _start(self, edit: Edit) -> None:
-        self._adapt_to(edit.preset)
+        self._warn_of_settings(edit.preset)
         super().__init__(edit)
+        self._shape(edit.preset)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
+
+    def _shape(self, preset: Preset) -> tuple[HandleWeights, PosedShape]:
+        """Return the weights and the posed shape of edits with `preset`: with "paper", features are not compact."""
+        compacts = self._features is None and len(self.mesh.vertices) > handle_features.MOST_EXACT
+        full = compacts and preset == "paper"
+        if full not in self._shapes:
+            weights = HandleWeights(self.mesh, self.field, self._features)
+            weights.rows.full = full
+            self._shapes[full] = weights, PosedShape(self.mesh, weights)
+        return self._shapes[full]
+
+    @property
+    def bound(self) -> HandleWeights:
+        """Return the weights and parts of the present edit, for programs that show them."""
+        return self._shape(self.preset)[0]
 
     def __repr__(self) -> str:
         """Return the mesh and the numbers of handles and fixed points."""
@@ -126,7 +143,7 @@ class Deformer(History):
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
         if rebinds:
-            self.bound.by_features.check_targets(edit)
+            self._shape(edit.preset)[0].by_features.check_targets(edit)
         self._record(edit, topic, merge)
 
     @public
@@ -240,9 +257,11 @@ class Deformer(History):
 
         `Edit()` removes everything.
 
-        Raises ValueError if the mesh lacks a vertex of `edit`, or a region of `edit` is empty on the mesh.
+        Raises ValueError if the mesh lacks a vertex of `edit`, or a region of `edit` is empty on the mesh. Raises
+        ValueError if a point lies farther from the shape than the diagonal of its bounding box, or the plane of
+        symmetry does not cut the shape.
         """
-        self._adapt_to(edit.preset)
+        self._warn_of_settings(edit.preset)
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
@@ -270,14 +289,12 @@ class Deformer(History):
     def preset(self, preset: Preset) -> None:
         with called("Deformer.preset"):
             self._commit(with_preset(self.edit, preset, self.mesh))
-            self._adapt_to(preset)
+            self._warn_of_settings(preset)
 
-    def _adapt_to(self, preset: Preset) -> None:
-        """With the preset "paper", use features that are not compact, and warn if the field has other settings."""
+    def _warn_of_settings(self, preset: Preset) -> None:
+        """With the preset "paper", warn if the field was distilled with other settings."""
         from dfd.distillation.settings import DistillSettings
 
-        if preset == "paper":
-            self.bound.rows.full = True
         made = self.field.settings
         paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
         if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
@@ -382,7 +399,7 @@ class Deformer(History):
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
-        return self.bound.weights(self.edit)
+        return _read_only(self.bound.weights(self.edit))
 
     @property
     def following(self) -> Float32:
@@ -397,7 +414,7 @@ class Deformer(History):
     @property
     def vertices(self) -> Float64:
         """Return the posed vertices (V, 3) in mesh units, read-only: Eq. 1 and 8 with the rules of the preset."""
-        return self._posed.of(self.edit)
+        return _read_only(self._shape(self.preset)[1].of(self.edit))
 
     def report(self) -> Report:
         """Return how many vertices moved, how far they moved, and whether the handles reached their targets."""
@@ -439,3 +456,9 @@ class Deformer(History):
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))
         return deformer
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return `array`, read-only; the arrays of an unpickled session are writable at first."""
+    array.flags.writeable = False
+    return array

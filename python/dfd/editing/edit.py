@@ -17,6 +17,7 @@ from dfd.common.described import About, Brief, Written, check_fields
 from dfd.common.errors import ArgumentError, within
 from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.editing.controls import Controls
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
@@ -30,7 +31,7 @@ from dfd.symmetry.search import symmetry_planes
 
 
 @dataclass(frozen=True, repr=False)
-class Handle(Brief):
+class Handle(ReadOnlyArrays, Brief):
     """A handle: its place on the shape, its transform, and the controls of its weights.
 
     Raises ValueError if `id` is below 1, `name` is no text, or the values of `transform` give no finite matrix.
@@ -156,11 +157,14 @@ class Edit(Brief):
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
-    """Return `edit` with all places converted to places on `mesh`, and check that its masks contain vertices.
+    """Return `edit` with all places converted to places on `mesh`, and check its masks and its plane of symmetry.
 
     The function `place` converts one place. Its first argument is the key of this place in an edit file, such as
-    "fixed[0]". The default is `place_on`. Raises ValueError if `mesh` has no vertex for a place or a mask.
+    "fixed[0]". The default is `place_on`. Raises ValueError if `mesh` has no vertex for a place or a mask, a point lies
+    farther from the shape than the diagonal of its bounding box, or the plane of symmetry does not cut the shape.
     """
+    if edit.symmetry is not None:
+        _check_cuts("symmetry", mesh, edit.symmetry)
 
     def on_mesh(path: str, said: Place) -> Place:
         with within(path):
@@ -239,13 +243,18 @@ def symmetry_on(
         )
     if band is not None:
         plane = replace(plane, band=check.number(None, "band", band, minimum=0.0))
+    _check_cuts("plane", mesh, plane)
+    return plane
+
+
+def _check_cuts(name: str, mesh: Mesh, plane: SymmetryPlane) -> None:
+    """Raise ValueError, which calls the plane `name`, if all vertices lie on one side of its band."""
     heights = plane.signed_distance(mesh.vertices)
     low, high = float(heights.min()), float(heights.max())
     if low > plane.band or high < -plane.band:
         raise ArgumentError(
-            "plane", f"must cut the shape, but all vertices lie {low:.3g} to {high:.3g} from it (signed distance)"
+            name, f"must cut the shape, but all vertices lie {low:.3g} to {high:.3g} from it (signed distance)"
         )
-    return plane
 
 
 def box_center(mesh: Mesh) -> Vector:

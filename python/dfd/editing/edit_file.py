@@ -302,10 +302,9 @@ def _placed(mesh: Mesh, made: MadeFor | None, path: str, said: Place) -> Place:
     if said.region is not None:
         with within(f"{path}.region"):
             return place_on(mesh, said.region)
-    if said.vertex is None:
-        return said
-    if _moved(mesh, said):
-        return Place(said.position)
+    if said.vertex is None or _moved(mesh, said):
+        with within(path):
+            return place_on(mesh, Place(said.position))
     size = len(mesh.vertices)
     if made is not None and not said.known:
         if made.vertices != size:

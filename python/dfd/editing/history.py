@@ -12,7 +12,7 @@ class History:
     __slots__ = ("_floor", "_now", "_states", "_topic")
 
     def __init__(self, start: Edit) -> None:
-        self._states = [start]
+        self._states: tuple[Edit, ...] = (start,)  # a tuple, so that `copy.copy` gives an independent history
         self._now = 0
         self._floor = 0  # index of the oldest state that `undo` can reach: 0, or the first state of a `step` block
         self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None if no step may join it
@@ -30,7 +30,7 @@ class History:
         joins = merge and topic is not None and topic == self._topic
         if state != self.edit:
             self._now += 0 if joins else 1
-            self._states[self._now :] = [state]
+            self._states = (*self._states[: self._now], state)
             self._topic = topic
         elif not joins:
             self._topic = None
@@ -64,7 +64,7 @@ class History:
 
         With `merge`, this step joins the previous step if both have the same `topic`, which must not be None.
         """
-        start, floor, before, about = self._now, self._floor, list(self._states), self._topic
+        start, floor, before, about = self._now, self._floor, self._states, self._topic
         self._floor, self._topic = start, None
         try:
             yield
@@ -75,5 +75,5 @@ class History:
             self._floor, self._topic = floor, about
         made = self.edit
         if self._now > start:
-            self._states[start + 1 :], self._now = [], start
+            self._states, self._now = self._states[: start + 1], start
         self._record(made, topic, merge)

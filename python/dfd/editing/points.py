@@ -14,7 +14,6 @@ import numpy as np
 from dfd.common import check
 from dfd.common.described import Brief, Tagged, Written
 from dfd.common.errors import ArgumentError, within
-from dfd.editing.presets import LARGEST
 from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.posing.transforms import Vector, vector
 
@@ -49,9 +48,7 @@ class Place(Brief):
             check.whole("Place", "vertex", self.vertex, minimum=0)
         if not self.known and self.vertex is None and self.region is None:
             raise ArgumentError("place", "must have a vertex, a position or a region", "Place")
-        if max(map(abs, self.position)) > LARGEST:
-            point = ",".join(f"{x:g}" for x in self.position)
-            raise ArgumentError("position", f"must be numbers of at most {LARGEST:g}, got {point}", "Place")
+        check.bounded("Place", "position", self.position)
 
     @property
     def known(self) -> bool:
@@ -88,7 +85,10 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region
-        return at if said is None else place_on(mesh, said)
+        if said is None:
+            nearest_vertex(mesh, at.position)
+            return at
+        return place_on(mesh, said)
     if isinstance(at, str):
         return find(mesh, at).place
     if isinstance(at, Region):
@@ -149,7 +149,10 @@ def find(mesh: Mesh, text: str) -> Found:
 def _region_in(mesh: Mesh, said: str) -> Region | None:
     """Return the region that `said` names, or None for other texts. Raises ValueError if a number cannot be read."""
     if said.startswith("component@"):
-        at = find(mesh, said.removeprefix("component@")).place
+        where = said.removeprefix("component@")
+        if where.lstrip().startswith("component@"):
+            raise ValueError  # without this limit, a long text would need too many nested calls
+        at = find(mesh, where).place
         vertex = nearest_vertex(mesh, at.position)[0] if at.vertex is None else at.vertex
         from dfd.geometry.coarse import nodes_of  # imported here, because it is slow and `dfd --help` does not need it
 

@@ -10,7 +10,6 @@ from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 from dfd.weights.bind import Falloff
 
-LARGEST = 1e38  # largest coordinate or control, because the kernels compute with 32-bit floats
 PARTLESS_REACH = 0.7  # the reach, a feature distance, that replaces "part" on a shape without parts, such as a ball
 
 Counterparts = Literal["own_pivot", "shared_pivot", "only"]

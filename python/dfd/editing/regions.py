@@ -5,6 +5,7 @@ A region stores its geometry or a name. It therefore selects the same surface on
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,6 +16,7 @@ from dfd.common import check
 from dfd.common.described import About, Written, check_fields
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.posing.transforms import Vector
 
 if TYPE_CHECKING:
@@ -88,11 +90,13 @@ class HalfSpace(RegionBase):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        length = float(np.linalg.norm(self.normal))
+        length = math.hypot(*self.normal)
         if length == 0.0:
             raise ArgumentError("normal", f"must have a length, got {self.normal}", "HalfSpace")
-        object.__setattr__(self, "normal", tuple(component / length for component in self.normal))
-        object.__setattr__(self, "offset", self.offset / length)
+        if abs(length - 1.0) > 1e-12:  # a region that is written to a file and read keeps its exact values
+            object.__setattr__(self, "normal", tuple(component / length for component in self.normal))
+            object.__setattr__(self, "offset", self.offset / length)
+        check.bounded("HalfSpace", "offset", (self.offset,))
 
     def __str__(self) -> str:
         return f"the side {_point(self.normal)} · p ≥ {self.offset:g}"
@@ -130,7 +134,7 @@ class Group(RegionBase):
 
 
 @dataclass(frozen=True, eq=False)
-class VertexSet:
+class VertexSet(ReadOnlyArrays):
     """A set of vertices, with their positions on the mesh on which they were chosen.
 
     On another mesh, the set contains the vertices nearest to these positions; on a finer mesh, also those in between.
@@ -148,6 +152,7 @@ class VertexSet:
         if len(chosen) == 0:
             raise ArgumentError("indices", "must name at least one vertex", "VertexSet")
         placed = check.array("VertexSet", "positions", self.positions, (len(chosen), 3), dtype=np.float64)
+        check.bounded("VertexSet", "positions", (float(np.abs(placed).max()),))
         order = np.argsort(chosen)
         for name, values in (("indices", chosen[order]), ("positions", placed[order])):
             values.flags.writeable = False

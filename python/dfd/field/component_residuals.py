@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.geometry.topology import face_components, first_at_place
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ _ROWS_AT_ONCE = 1 << 16  # number of features that are computed at a time, to li
 
 
 @dataclass(frozen=True, eq=False)
-class ComponentResiduals:
+class ComponentResiduals(ReadOnlyArrays):
     """The connected components of a surface in normalized coordinates, and residuals of their features.
 
     Raises ValueError if an array has the wrong shape, a number is not finite, or a point's component has no box.

@@ -19,6 +19,7 @@ from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError, called
 from dfd.common.files import sha256_of_files
 from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
 from dfd.field.compatibility import POINTS, check_compatible, surface_points
@@ -49,7 +50,7 @@ class FieldSource:
         return cls(Path(path), sha256_of_files(Path(path)))
 
 
-class Field:
+class Field(ReadOnlyArrays):
     """The map Φ of the paper, from points in mesh units to features, which are vectors of unit length.
 
     The network is that of the paper (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last

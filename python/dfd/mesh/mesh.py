@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.read import read
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class MeshPart:
+class MeshPart(ReadOnlyArrays):
     """A named object of a file: a node of a glTF file, an object or group of an OBJ file, or a solid of an STL file."""
 
     name: str  # unique among the parts of the mesh
@@ -38,7 +39,7 @@ class MeshPart:
     vertices: Int64  # (N,) the vertices that these faces use, ascending; parts that touch can share vertices
 
 
-class Mesh:
+class Mesh(ReadOnlyArrays):
     """An immutable triangle mesh with read-only arrays. Moved positions are a separate array (V, 3).
 
     Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. (In an OBJ file, faces

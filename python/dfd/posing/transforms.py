@@ -19,6 +19,7 @@ from dfd.common import check
 from dfd.common.described import About, Brief, Written
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
+from dfd.common.read_only import ReadOnlyArrays
 
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
@@ -71,15 +72,15 @@ MOTIONS = {
 
 
 @dataclass(frozen=True, repr=False)
-class Transform(Brief):
+class Transform(ReadOnlyArrays, Brief):
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
     R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part:
     the vertices with at least half of the handle's largest weight.
 
-    Raises ValueError if an attribute has a wrong array shape or is not finite, a rotation is the quaternion 0 or
-    outside ±1e9 degrees, or `axes` are not orthonormal. Raises ValueError if `pivot_at` is unknown, `pivot_at` is given
-    without `pivot`, `joint` lies outside [0, 1], or the matrix is not finite.
+    Raises ValueError if an attribute has a wrong array shape, is not finite or exceeds `check.LARGEST`. Raises
+    ValueError if a rotation is the quaternion 0 or outside ±1e9 degrees, or `axes` are not orthonormal. Raises
+    ValueError if `pivot_at` is unknown, `pivot_at` is given without `pivot`, or `joint` lies outside [0, 1].
     """
 
     translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # in mesh units
@@ -109,8 +110,11 @@ class Transform(Brief):
         )
         if self.pivot is not None:
             keep(self, "pivot", vector("pivot", self.pivot))
+        for name, numbers in (("translation", self.translation), ("scale", self.scale), ("pivot", self.pivot)):
+            check.bounded("Transform", name, numbers or (0.0,))
         if self.axes is not None:
             rows = check.array("Transform", "axes", self.axes, (3, 3), dtype=np.float64)
+            check.bounded("Transform", "axes", rows.ravel().tolist())  # so that the products do not overflow
             if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
                 raise ArgumentError("axes", f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
             keep(self, "axes", tuple(_triple(row) for row in rows))
@@ -163,7 +167,7 @@ class Transform(Brief):
     def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """Return the (3, 4) affine matrix in mesh units. If `pivot` is None, the pivot is `center`.
 
-        Raises ValueError if the matrix is not finite because the translation or the pivot is too large.
+        Raises ValueError if the matrix is not finite because `center` is too large.
         """
         pivot = np.asarray(center if self.pivot is None else self.pivot)
         matrix = np.empty((3, 4))
@@ -235,14 +239,11 @@ def frame_of_normal(normal: ArrayLike) -> Frame:
 def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
     """Return the read-only matrix R A S Aᵀ (3, 3): R rotates, S scales, and the columns of A are `axes`."""
     linear: Float64
-    with np.errstate(over="ignore", invalid="ignore"):
-        if axes is None:
-            linear = rotation_matrix(rotation) * np.asarray(scale)
-        else:
-            columns = np.asarray(axes).T
-            linear = rotation_matrix(rotation) @ (columns * np.asarray(scale)) @ columns.T
-    if not np.isfinite(linear).all():
-        raise ArgumentError("scale", "is too large: the matrix is not finite", "Transform")
+    if axes is None:
+        linear = rotation_matrix(rotation) * np.asarray(scale)
+    else:
+        columns = np.asarray(axes).T
+        linear = rotation_matrix(rotation) @ (columns * np.asarray(scale)) @ columns.T
     linear.flags.writeable = False
     return linear
 

@@ -40,13 +40,15 @@ class SymmetryPlane:
     band: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the normal is not a unit vector, or a number is not finite."""
+        """Raise ValueError if the normal is not a unit vector, or a number is not finite or too large."""
         normal = check.array("SymmetryPlane", "normal", self.normal, (3,), dtype=np.float64)
-        if abs(np.linalg.norm(normal) - 1.0) > 1e-6:
-            raise ArgumentError("normal", f"must have length 1, got {np.linalg.norm(normal):g}", "SymmetryPlane")
+        length = math.hypot(*normal)
+        if abs(length - 1.0) > 1e-6:
+            raise ArgumentError("normal", f"must have length 1, got {length:g}", "SymmetryPlane")
         object.__setattr__(self, "normal", tuple(float(x) for x in normal))
-        object.__setattr__(self, "offset", check.number("SymmetryPlane", "offset", self.offset))
-        object.__setattr__(self, "band", check.number("SymmetryPlane", "band", self.band, minimum=0.0))
+        for name, least in (("offset", -check.LARGEST), ("band", 0.0)):
+            number = check.number("SymmetryPlane", name, getattr(self, name), minimum=least, maximum=check.LARGEST)
+            object.__setattr__(self, name, number)
 
     @property
     def reflection(self) -> Float64:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.read_only import ReadOnlyArrays
 from dfd.common.threads import get_num_threads, one_blas_thread
 
 BLOCK = 16  # number of vertices that the kernels read together
@@ -28,7 +29,7 @@ Precision = Literal["int8", "float16"]
 
 
 @dataclass(frozen=True, eq=False)
-class CompactFeatures:
+class CompactFeatures(ReadOnlyArrays):
     """Features (V, D) of a shape's vertices, projected and rounded. `dfd.bind` accepts them in place of the features.
 
     A feature z is stored as d entries: (z − mean) @ basis, in multiples of `step`.

@@ -51,7 +51,7 @@ def test_tensors_with_the_negative_bit_have_their_values():
     np.testing.assert_allclose(field(negative), field(np.full((4, 3), -2.0)), atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["locality", "reach"])
+@pytest.mark.parametrize("name", ["locality", "reach", "radius", "mask_feather"])
 def test_numbers_too_large_for_the_kernels_are_refused_early(name):
     with pytest.raises(ValueError, match=f"`{name}` must be at most 1e\\+38, got 1e\\+39"):
         Controls(**{name: 1e39})

@@ -52,6 +52,14 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     assert session.handle(handle).controls == Controls(0.5, "sharp", counterparts="shared_pivot")
 
 
+@pytest.mark.parametrize("radius", [1e-320, 1e-38, "1e-300%"])
+def test_within_the_smallest_radius_only_the_handle_moves(session, mesh, foot, radius):
+    session.add(foot, radius=radius, translation=(0, 0.1, 0))
+    moved = np.abs(session.vertices - mesh.vertices).max(axis=1) > 0
+    assert moved[foot]
+    np.testing.assert_array_equal(mesh.vertices[moved], np.tile(mesh.vertices[foot], (moved.sum(), 1)))
+
+
 @pytest.mark.usefixtures("about_one_pivot")
 def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, foot):
     lengths = geodesics_of(session).lengths([foot])

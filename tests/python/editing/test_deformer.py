@@ -180,7 +180,14 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.add(7, name=""), r"Deformer.add: `name` must be a text that is not empty, got ''"),
         (lambda d: d.add(7, name=3), r"Deformer.add: `name` must be a text"),
         (lambda d: d.add(7, scale=(1, 2)), r"Deformer.add: `scale` must be one number or 3"),
-        (lambda d: d.add(7, scale=1e308, pivot=(10, 0, 0)), r"the matrix is not finite"),
+        (lambda d: d.add(7, scale=1e39), r"Deformer.add: `scale` must be numbers of at most 1e\+38, got 1e\+39"),
+        (lambda d: d.move(1, translation=(0, -1e39, 0)), r"Deformer.move: `translation` must be numbers of at most"),
+        (lambda d: d.set_default(translation=(1e39, 0, 0)), r"Deformer.set_default: `translation` must be numbers of"),
+        (lambda d: d.set_default(pivot=(1e39, 0, 0)), r"Deformer.set_default: `pivot` must be numbers of at most"),
+        (lambda d: d.set_symmetry("x", band=1e39), r"Deformer.set_symmetry: `band` must be at most 1e\+38"),
+        (lambda d: d.set_symmetry("x=1e39"), r"Deformer.set_symmetry: `plane` must be at most 1e\+38"),
+        (lambda d: d.add("component@" * 5000 + "5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
+        (lambda d: d.add("component@ component@5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
         (lambda d: d.move(99, scale=2), r"Deformer.move: `handle` must be the id of a handle \(1\), got 99"),
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
         (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
@@ -213,6 +220,14 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (
             lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 0.0), 10**6)),))),
             r"Deformer.apply: `fixed\[0\]` must lie in 0",
+        ),
+        (
+            lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 1e6))),))),
+            r"Deformer.apply: `fixed\[0\]` must lie near the shape, but 0,0,1e\+06 is",
+        ),
+        (
+            lambda d: d.apply(Edit(symmetry=SymmetryPlane((1.0, 0.0, 0.0), 1e38))),
+            r"Deformer.apply: `symmetry` must cut the shape, but all vertices lie",
         ),
     ],
 )

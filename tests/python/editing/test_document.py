@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_field import field_of
 from sheet import full_edit, grid
 
 import dfd
@@ -49,6 +50,7 @@ def test_an_edit_comes_back_from_its_file_exactly(edit, mesh, tmp_path):
 
 numbers = st.floats(-1e6, 1e6)
 triples = st.tuples(numbers, numbers, numbers)
+points = st.tuples(*[st.floats(-0.5, 0.5)] * 3)  # near the sheet
 transforms = st.builds(Transform, triples, triples, triples, st.none() | triples)
 controls = st.builds(
     Controls,
@@ -57,25 +59,27 @@ controls = st.builds(
     st.floats(0, 1e3),
     strength=st.floats(0, 1),
     counterparts=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
-    excluded_counterparts=st.lists(triples.map(Place), max_size=3).map(tuple),
+    excluded_counterparts=st.lists(points.map(Place), max_size=3).map(tuple),
 )
 
 
 @given(
     handles=st.lists(
-        st.tuples(triples, transforms, controls, st.none() | st.text(st.characters(codec="utf-8"), min_size=1)),
+        st.tuples(points, transforms, controls, st.none() | st.text(st.characters(codec="utf-8"), min_size=1)),
         max_size=4,
         unique_by=lambda handle: handle[0],
     ),
     default=st.none() | transforms,
     angle=numbers,
+    on_plane=st.integers(0, 80),
     band=st.floats(0, 10),
 )
 @settings(max_examples=50, deadline=None)
-def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, default, angle, band):
+def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, default, angle, on_plane, band):
+    normal = math.cos(angle), math.sin(angle), 0.0
     edit = Edit(
         tuple(Handle(i + 1, Place(place), *rest) for i, (place, *rest) in enumerate(handles)),
-        symmetry=SymmetryPlane((math.cos(angle), math.sin(angle), 0.0), angle, band=band),
+        symmetry=SymmetryPlane(normal, float(mesh.vertices[on_plane] @ normal), band=band),
         default=default,
     )
     path = tmp_path_factory.mktemp("any") / "edit.json"
@@ -215,9 +219,29 @@ MISSING = object()
         (("handles", 0, "scale"), [1, 2], r"`handles\[0\].scale\[2\]` is missing in \[1, 2\]"),
         (
             ("handles", 1),
-            {"position": [10, 0, 0], "scale": 1e308},
-            r"`handles\[1\].translation` is too large with this `scale` and `pivot`: the matrix is not finite",
+            {"position": [0, 0, 0], "scale": 1e39},
+            r"`handles\[1\].scale` must be numbers of at most 1e\+38, got 1e\+39,1e\+39,1e\+39",
         ),
+        (("handles", 0, "translation"), [0, 0, 1e39], r"`handles\[0\].translation` must be numbers of at most 1e\+38"),
+        (("handles", 0, "pivot"), [0, 0, -1e39], r"`handles\[0\].pivot` must be numbers of at most 1e\+38"),
+        (("handles", 1, "position"), [0, 0, 1e39], r"`handles\[1\].position` must be numbers of at most 1e\+38"),
+        (("handles", 1, "position"), [0, 0, 1e6], r"`handles\[1\]` must lie near the shape, but 0,0,1e\+06 is"),
+        (
+            ("handles", 2, "excluded_counterparts", 1, "position"),
+            [7, 0, 0],
+            r"`handles\[2\].excluded_counterparts\[1\]` must lie near the shape, but 7,0,0 is",
+        ),
+        (("handles", 2, "radius"), 1e39, r"`handles\[2\].radius` must be at most 1e\+38, got 1e\+39"),
+        (("handles", 2, "mask", "radius"), 1e39, r"`handles\[2\].mask.radius` must be at most 1e\+38, got 1e\+39"),
+        (("handles", 2, "mask", "center"), [1e39, 0, 0], r"`handles\[2\].mask.center` must be numbers of at most"),
+        (("fixed", 3, "region", "normal"), [1e300, 0, 0], r"`fixed\[3\].region.normal` must be numbers of at most"),
+        (("fixed", 3, "region", "normal"), [1e-40, 0, 0], r"`fixed\[3\].region.offset` must be numbers of at most"),
+        (("symmetry", "offset"), 1e308, r"`symmetry.offset` must be at most 1e\+38, got 1e\+308"),
+        (("symmetry", "offset"), -1.5, r"`symmetry` must cut the shape, but all vertices lie 1 to 2 from it"),
+        (("symmetry", "band"), 1e39, r"`symmetry.band` must be at most 1e\+38, got 1e\+39"),
+        (("default", "scale"), [1, 1e39, 1], r"`default.scale` must be numbers of at most 1e\+38, got 1,1e\+39,1"),
+        (("x" * 100_000,), 1, r"`x{199}…` is an unknown key"),
+        (("handles", 0, "two\nlines"), 1, r"`handles\[0\].two lines` is an unknown key"),
         (("handles", 1, "position"), None, r"`handles\[1\]` must have a vertex, a position or a region"),
         (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'part', got .far."),
         (("handles", 0, "falloff"), "steep", r"`handles\[0\].falloff` must be 'linear', .*, got .steep."),
@@ -256,7 +280,38 @@ def test_every_odd_value_is_named(document, mesh, keys, value, message):
     with pytest.raises(ValueError, match=message) as caught:
         from_document(changed, mesh, name="some.json")
     assert str(caught.value).startswith("some.json: ")
-    assert "\n" not in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(str(caught.value)) < 800
+
+
+def numbers_of(value, path=()):
+    """Return the paths of all numbers in a document."""
+    if isinstance(value, dict | list):
+        inner = value.items() if isinstance(value, dict) else enumerate(value)
+        return [found for key, each in inner for found in numbers_of(each, (*path, key))]
+    return [path] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+@given(st.data(), st.sampled_from([0, 1e-320, -1e-38, 3, 1e20, 1e38, -1e38, 1e39, 1e300, 10**30]))
+@settings(max_examples=40, deadline=None)
+def test_what_is_read_can_be_posed_and_written(mesh, data, value):
+    document = to_document(full_edit(mesh), mesh)
+    path = data.draw(st.sampled_from(numbers_of(document)))
+    entry = document
+    for key in path[:-1]:
+        entry = entry[key]
+    entry[path[-1]] = value
+    try:
+        edit = from_document(document, mesh, name="some.json")
+    except ValueError as error:
+        refusal = str(error)
+    else:
+        session = dfd.Deformer(mesh, field_of(mesh))
+        session.apply(edit)
+        assert np.isfinite(session.vertices).all()
+        assert from_document(json.loads(json.dumps(to_document(session.edit, mesh))), mesh) == session.edit
+        return
+    assert re.match(r"some\.json: `[\w.\[\]]+` ", refusal)
 
 
 def test_an_index_out_of_range_is_named(mesh):

@@ -170,14 +170,27 @@ def test_what_holds_nothing_is_refused_in_one_clear_sentence(truck, at, message)
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("normal", [(-1, 0, -2), (0.3, 0.7, 0.2), (1e-20, 1e-20, 0), (1, 1, 1)])
+def test_a_side_of_a_plane_keeps_its_exact_values(normal):
+    side = HalfSpace(normal, 0.3 * np.linalg.norm(normal))
+    assert np.linalg.norm(side.normal) == pytest.approx(1)
+    assert side.offset == pytest.approx(0.3)
+    assert HalfSpace(side.normal, side.offset) == side
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: HalfSpace((0, 0, 0), 1), r"HalfSpace: `normal` must have a length, got \(0.0, 0.0, 0.0\)"),
         (lambda: HalfSpace((0, 0, 1), np.inf), r"HalfSpace: `offset` must be finite"),
+        (lambda: HalfSpace((1e300, 0, 0), 1), r"HalfSpace: `normal` must be numbers of at most 1e\+38, got 1e\+300"),
+        (lambda: HalfSpace((1e-200, 0, 0), 1), r"HalfSpace: `offset` must be numbers of at most 1e\+38, got 1e\+200"),
+        (lambda: Ball((0, 0, 0), 1e39), r"Ball: `radius` must be at most 1e\+38, got 1e\+39"),
+        (lambda: Ball((0, -1e39, 0), 1), r"Ball: `center` must be numbers of at most 1e\+38, got 0,-1e\+39,0"),
         (lambda: Group(""), r"Group: `name` must be a text that is not empty, got ''"),
         (lambda: Part(""), r"Part: `name` must be a text that is not empty, got ''"),
         (lambda: VertexSet([1, 1], [(0, 0, 0)] * 2), r"VertexSet: `indices` names vertex 1 more than once"),
+        (lambda: VertexSet([1], [(0, 0, 1e39)]), r"VertexSet: `positions` must be numbers of at most 1e\+38"),
         (lambda: VertexSet([1, 2], [(0, 0, 0)]), r"VertexSet: `positions` must have shape \(2, 3\), got \(1, 3\)"),
     ],
 )

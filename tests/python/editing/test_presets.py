@@ -173,6 +173,28 @@ def test_the_paper_binds_full_features_of_any_number_of_vertices(mesh, field, mo
     assert isinstance(default.features, dfd.CompactFeatures)
 
 
+def test_a_preset_decides_about_features_whatever_was_read_before(mesh, field, monkeypatch, tmp_path):
+    """Without this rule, a session and its saved file would differ by the error of compact features."""
+    monkeypatch.setattr(handle_features, "MOST_EXACT", 100)
+    session = dfd.Deformer(mesh, field)
+    session.add(5, translation=(0, 0.2, 0), reach=0.8)
+    before = session.vertices
+    assert isinstance(session.features, dfd.CompactFeatures)
+    session.preset = "paper"
+    paper = session.vertices
+    assert isinstance(session.features, np.ndarray)
+    session.save(tmp_path / "edit.json")
+    np.testing.assert_array_equal(dfd.Deformer.load(tmp_path / "edit.json", mesh, field).vertices, paper)
+    session.undo()
+    assert isinstance(session.features, dfd.CompactFeatures)
+    np.testing.assert_array_equal(session.vertices, before)
+    session.redo()
+    np.testing.assert_array_equal(session.vertices, paper)
+    other = dfd.Deformer(mesh, field)
+    other.apply(session.edit)
+    np.testing.assert_array_equal(other.vertices, paper)
+
+
 # --- a session and its file
 
 

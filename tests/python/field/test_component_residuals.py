@@ -128,6 +128,7 @@ def test_a_file_keeps_residuals_and_equal_fields_give_equal_files(tmp_path: Path
         ("residuals.boxes", lambda array: array[:, :5], "boxes"),
         ("residuals.differences", lambda array: array * np.float16(np.nan), "finite"),
         ("residuals.differences", lambda array: array[:, :3].copy(), "12 wide"),
+        ("residuals.differences", lambda array: array[:, :, None].repeat(2, axis=2), "must have a row for each of the"),
         ("residuals.boxes", lambda array: None, "'boxes'"),
     ],
 )

@@ -113,6 +113,16 @@ def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
         field(bad)  # type: ignore[call-overload]
 
 
+def test_points_are_accepted_up_to_a_million_half_sides_from_the_center_of_the_box() -> None:
+    center = np.array([3e6, 0.0, 0.0])
+    field = made_field(4, width=8, layers=1, center=center, scale=0.5)
+    for direction in (-1.0, 1.0):
+        near, far = (center + direction * factor * np.array([2e6, 0, 0]) for factor in (0.999, 1.001))
+        assert np.isfinite(field([near])).all()
+        with pytest.raises(ValueError, match="`points` must have coordinates within 1e.06 half sides"):
+            field([far])
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -50,6 +50,16 @@ def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> N
         assert np.argmin(row) == handle
 
 
+def test_distances_between_samples_rise_as_steadily_as_the_surface() -> None:
+    """Without slopes between samples, distances would rise in steps, up to 1.6 times as fast as the edge is long."""
+    mesh = sphere_of(6)
+    edges = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    lengths = np.linalg.norm(np.subtract(*mesh.vertices[edges.T]), axis=1)
+    geodesics = Geodesics(mesh)
+    for row in geodesics.distances([5, 1000, 2500]).astype(np.float64) * geodesics.extent:
+        assert np.abs(np.subtract(*row[edges.T]) / lengths).max() < 1.2
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
 def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from made_tube import straight, tube
+from made_tube import AROUND, straight, tube
 
 from dfd import Mesh
+from dfd.geometry.coarse import MOST_NODES
 from dfd.geometry.part_axis import PartAxes
 
 
@@ -30,6 +31,29 @@ def test_the_axis_of_a_tube_is_its_middle_however_its_border_runs(slant):
     height = mesh.vertices[axis.vertices[far], 1]
     line = np.polyfit(axis.parameter[far], height, 1)
     np.testing.assert_allclose(np.polyval(line, axis.parameter[far]), height, atol=0.03)
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.5, -1.0, 2.0])
+def test_parameters_are_0_all_along_the_border_however_it_runs(slant):
+    """Otherwise, a bend would move one side of an oblique border, and tear the surface there."""
+    mesh = straight()
+    inside = upper(mesh, slant=slant)
+    (axis,) = PartAxes(mesh).of(inside)
+    edges = np.concatenate([mesh.faces[:, [i, j]] for i in range(3) for j in range(3) if i != j])
+    border = np.unique(edges[inside[edges[:, 0]] & ~inside[edges[:, 1]], 0])
+    assert len(border) >= AROUND
+    assert axis.parameter[np.isin(axis.vertices, border)].tolist() == [0.0] * len(border)
+
+
+def test_between_the_nodes_of_a_fine_mesh_parameters_stay_linear():
+    """Constant parameters within each node would differ by up to 0.006, and a bend would show steps."""
+    mesh = straight(rings=1201)
+    (axis,) = PartAxes(mesh).of(upper(mesh))
+    assert len(mesh.vertices) > MOST_NODES
+    inner = (axis.parameter > 0.3) & (axis.parameter < 0.9)
+    height = mesh.vertices[axis.vertices[inner], 1]
+    line = np.polyfit(axis.parameter[inner], height, 1)
+    np.testing.assert_allclose(np.polyval(line, axis.parameter[inner]), height, atol=1e-3)
 
 
 def test_a_curved_tube_has_a_curved_axis():

@@ -8,7 +8,7 @@ from made_tube import AROUND, straight, tube
 from scipy.spatial import ConvexHull
 
 from dfd.geometry.part_axis import PartAxes
-from dfd.posing.bend import Sections, bend_maps
+from dfd.posing.bend import STEPS, Sections, bend_maps, turn_maps
 
 angle = st.floats(-150, 150)
 
@@ -40,6 +40,29 @@ def girths(points):
 @pytest.mark.parametrize("joint", [None, 0.4])
 def test_no_angle_is_the_identity_to_the_bit(joint):
     np.testing.assert_array_equal(moved(joint=joint), STANDING.vertices)
+
+
+@pytest.mark.parametrize("joint", [None, 0.4])
+@pytest.mark.parametrize(("bend", "twist"), [((0, 0, 0), 0.0), ((0, 0, 40), 0.0), ((0, 0, 0), 40.0)])
+def test_maps_are_rigid_and_begin_with_the_identity(bend, twist, joint):
+    maps = bend_maps(AXIS.nodes, AXIS.radius, bend, twist, joint)
+    assert maps.shape == (STEPS + 1, 3, 4)
+    np.testing.assert_array_equal(maps[0], np.eye(3, 4))
+    turns = maps[:, :, :3]
+    np.testing.assert_allclose(turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (STEPS + 1, 1, 1)), atol=1e-12)
+    angles = np.degrees(np.arccos(np.clip((np.trace(turns, axis1=1, axis2=2) - 1) / 2, -1, 1)))
+    assert (np.diff(angles) >= -1e-6).all()
+    assert angles[-1] == pytest.approx(np.linalg.norm(bend) + twist, abs=1e-6)
+
+
+def test_maps_about_a_center_turn_by_equal_steps():
+    maps = turn_maps(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 90.0]))
+    np.testing.assert_array_equal(maps[0], np.eye(3, 4))
+    np.testing.assert_allclose(
+        maps[:, :, :3] @ (1, 2, 3) + maps[:, :, 3], np.tile((1, 2, 3), (STEPS + 1, 1)), atol=1e-12
+    )
+    np.testing.assert_allclose(maps[STEPS // 2, 0, :2], [np.cos(np.pi / 4), -np.sin(np.pi / 4)])
+    np.testing.assert_allclose(maps[-1, :, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
 
 
 @given(angle, angle, st.floats(-360, 360), st.sampled_from([None, 0.4, 0.6]))

@@ -85,6 +85,18 @@ def test_a_twisted_bar_keeps_its_volume():
     assert linear.min() < 0.03  # the candy-wrapper artifact of a linear blend
 
 
+@TYPES
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_blend_of_a_rotation_with_the_default_takes_the_shorter_way(dtype, mirrored):
+    """Half way between rotations by 170° and −170° is 180°, not 0°. Beyond a mirror, 170° becomes −170°."""
+    vertices = np.abs(scene(50, 0, dtype=dtype)[0]) * np.array([-1, 1, 1], dtype)
+    one, other = (about([0, 0, 0], rotation([0, 0, 1], np.radians(angle))) for angle in (170, -170))
+    options = {"symmetry": dfd.SymmetryPlane((1, 0, 0), 0.0), "handles": [[1.0, 0, 0]]} if mirrored else {}
+    turn = [one if mirrored else other]
+    posed = dfd.pose(vertices, np.full((50, 1), 0.5), turn, default=one, blend="dual_quaternion", **options)
+    np.testing.assert_allclose(posed, vertices * [-1, -1, 1], atol=1e-5)
+
+
 def test_opposite_turns_that_cancel_leave_no_nan():
     vertices, _, _ = scene(64, 0)
     turns = [about([0, 0, 0], rotation([0, 0, 1], sign * np.radians(179))) for sign in (1, -1)]

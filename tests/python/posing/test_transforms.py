@@ -85,15 +85,52 @@ def test_one_factor_scales_all_axes(factor):
         ({"rotation": 90}, r"`rotation` must be a rotation vector in degrees \(3 numbers\) or a quaternion"),
         ({"rotation": (0, 0, 0, 0)}, r"`rotation` must be a quaternion other than 0"),
         ({"rotation": (1e300, 1e300, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
-        ({"translation": (1e308, 0, 0), "pivot": (1e308, 0, 0)}, r"the matrix is not finite"),
+        ({"translation": (0, -1e39, 0)}, r"`translation` must be numbers of at most 1e\+38, got 0,-1e\+39,0"),
+        ({"pivot": (0, 0, 1e39)}, r"Transform: `pivot` must be numbers of at most 1e\+38, got 0,0,1e\+39"),
+        ({"scale": -1e39}, r"Transform: `scale` must be numbers of at most 1e\+38, got -1e\+39"),
         ({"axes": np.eye(2)}, r"`axes` must have shape \(3, 3\), got \(2, 2\)"),
         ({"axes": [(1, 0, 0), (0, 1, 0), (0, 1, 1)]}, r"`axes` must be 3 unit vectors at right angles, got"),
-        ({"scale": 1e200, "pivot": (1e200, 0, 0)}, r"the matrix is not finite"),
     ],
 )
 def test_what_is_no_transform_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         Transform(**arguments).matrix()
+
+
+def test_without_a_pivot_or_a_center_a_transform_turns_about_the_origin():
+    np.testing.assert_array_equal(Transform(rotation=(90, 0, 40), scale=(2, 3, 4)).matrix()[:, 3], 0)
+    assert moved(Transform(rotation=(90, 0, 40)).matrix((1.0, 2.0, 3.0)), (1, 2, 3)) == pytest.approx((1, 2, 3))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("amount", [0.5, -1.0])
+def test_every_motion_is_known_to_move(axis, amount):
+    vector = tuple(amount * np.eye(3)[axis])
+    for arguments, turns, bends in (
+        ({"translation": vector}, False, False),
+        ({"rotation": vector}, True, False),
+        ({"scale": tuple(1.0 + np.array(vector))}, True, False),
+        ({"bend": vector}, False, True),
+        ({"twist": amount}, False, True),
+    ):
+        transform = Transform(**arguments)
+        assert (transform.rests, transform.turns, transform.bends) == (False, turns, bends)
+    still = Transform(pivot=vector, joint=0.5, axes=np.eye(3)[[1, 2, 0]])
+    assert (still.rests, still.turns, still.bends) == (True, False, False)
+
+
+def test_a_joint_lies_on_the_axis():
+    assert [Transform(joint=joint).joint for joint in (0, 0.25, 1)] == [0.0, 0.25, 1.0]
+    for joint, bound in ((-0.01, "at least 0"), (1.01, "at most 1")):
+        with pytest.raises(ValueError, match=f"Transform: `joint` must be {bound}, got {joint}"):
+            Transform(joint=joint)
+    assert Transform(joint=0.25).changed(joint="spread").joint is None
+
+
+def test_a_center_too_far_away_is_refused():
+    with pytest.raises(ValueError, match="the matrix is not finite"):
+        Transform(scale=1e38).matrix((1e300, 0.0, 0.0))
+    assert np.isfinite(Transform(translation=(1e38, 0, 0), scale=1e38, pivot=(1e38, 0, 0)).matrix()).all()
 
 
 def test_a_transform_checks_itself_once_and_keeps_its_matrix():

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.upright.candidates import axis_frames, check_up, explicit_up
+from dfd.upright.candidates import axis_frames, check_up, explicit_up, frame_facing
 from dfd.upright.find_up import CLEAR, decide, find_up, prior
 from dfd.upright.probe import FORM_TOKENS, FORMS, LOOKS, TERMS, VECTOR_TOKENS, VECTORS, find_probe
 from dfd.upright.probe_views import SIDES, ProbeCameras
@@ -103,6 +103,22 @@ def test_without_a_clear_axis_the_two_likeliest_are_combined():
     assert found.shares.tolist() == pytest.approx([5 / 9, 4 / 9])
 
 
+def test_the_probabilities_of_nearly_parallel_axes_are_added():
+    """Pictures around two axes 15° apart hardly differ, so neither axis alone would be probable enough."""
+
+    def leaning(axis, towards):
+        return np.cos(np.radians(15)) * np.eye(3)[axis] + np.sin(np.radians(15)) * np.eye(3)[towards]
+
+    ups = [np.eye(3)[1], leaning(1, 0), np.eye(3)[2], leaning(2, 0)]
+    frames = np.stack([frame_facing(sign * up, np.array([1.0, 0, 0])) for up in ups for sign in (1.0, -1.0)])
+    clear = decide(frames, np.log([0.48, 0.01, 0.46, 0.01, 0.01, 0.01, 0.01, 0.01]))
+    assert (clear.source, clear.confidence) == ("file", pytest.approx(0.96))
+    shared = decide(frames, np.log([0.34, 0.01, 0.24, 0.01, 0.19, 0.01, 0.01, 0.19]))
+    assert (shared.source, shared.confidence) == ("averaged", pytest.approx(0.6))
+    np.testing.assert_allclose(shared.frames[:, 1], [[0, 1, 0], [0, 0, 1]])
+    np.testing.assert_allclose(shared.shares, [0.6, 0.4])
+
+
 @pytest.mark.parametrize("up", range(6))
 def test_a_table_is_found_whichever_way_it_lies(encoder, up):
     rotation = axis_frames(np.eye(3))[up].T  # rotates +y to that direction
@@ -144,6 +160,16 @@ def test_a_tilted_table_is_found(encoder, seed):
     tilted, rotation = tilted_table(seed)
     found = find_up(tilted, encoder, probe=probe_of(encoder))
     assert max(abs(frame[1] @ rotation[:, 1]) for frame in found.frames) > np.cos(np.radians(3))
+
+
+def test_on_a_tilted_shape_the_prior_counts_half(encoder):
+    """The probe is silent. Then the odds of the y axis are those of the prior, and all other candidates are equal."""
+    odds = []
+    for prior_up in (0.0, 6.0):
+        silent = {"odds": np.zeros((3, len(TERMS))), "file_up": prior_up, "file_down": 0.0, "file_z": 0.0}
+        sure = find_up(tilted_table()[0], encoder, probe=probe_of(encoder, **silent)).confidence
+        odds.append(sure / (1 - sure))
+    assert odds[1] / odds[0] == pytest.approx((np.exp(3.0) + 1) / 2)
 
 
 def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
 import dfd
-from dfd.weights.regions import MOST_MEMBERS, resolve_points
+from dfd.weights.regions import MERGED, MOST_MEMBERS, resolve_points
 
 
 @settings(max_examples=60, deadline=None)
@@ -57,6 +57,18 @@ def test_large_regions_are_thinned_to_members_far_apart():
     assert dfd.bind(features, [np.arange(20_000)]).min() > 0.95  # no vertex is farther than half a gap
 
 
+def test_members_with_nearly_equal_features_are_merged_also_if_features_are_compact():
+    rows = np.random.default_rng(0).normal(scale=0.02, size=(2000, 16))
+    rows[:, 0] = 1
+    rows[1:101] = rows[0] + np.linspace(0, 0.0016, 100)[:, None] * np.eye(16)[1]
+    compact = dfd.compact((rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32), tolerance=0.05)
+    assert compact.precision == "int8"
+    kept = resolve_points("handles", [np.arange(101)], compact).points
+    stored = compact.step * compact.stored(kept)
+    assert 1 < len(kept) < 5
+    assert min(np.linalg.norm(stored[i] - stored[k]) for i in range(len(kept)) for k in range(i)) > MERGED
+
+
 def test_regions_alone_and_among_others_and_on_many_threads():
     features = unit_rows(20_000, 24)
     regions = [[k, 100 + k, 200 + k] for k in range(30)]
@@ -80,6 +92,7 @@ FEATURES = unit_rows(6, 4)
         ({"handles": [[1], FEATURES[:, :3]]}, r"`handles\[1\]` must have shape \(N, 4\), got \(6, 3\)"),
         ({"handles": [[1], np.full((1, 4), np.nan)]}, r"`handles\[1\]` must be finite, got nan"),
         ({"handles": [[1], "all"]}, r"`handles\[1\]` must be a list of vertex indices"),
+        ({"handles": [FEATURES[0], FEATURES[1, :3]]}, r"`handles\[1\]` must have shape \(N, 4\), got \(1, 3\)"),
         ({"handles": [[1], [[1, 2], [3]]]}, r"`handles\[1\]` must be a vertex, vertices or feature rows"),
         ({"handles": [0], "fixed": [[1], []]}, r"`fixed\[1\]` must have at least one member"),
         ({"handles": [0], "fixed": [[9]]}, r"`fixed\[0\]` must lie in 0 … 5, got 9"),

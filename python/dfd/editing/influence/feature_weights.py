@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dfd.common.check import LARGEST
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
@@ -12,7 +13,7 @@ from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
-from dfd.editing.presets import LARGEST, PARTLESS_REACH
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
@@ -143,7 +144,9 @@ class FeatureWeights:
             nearest = np.minimum(nearest, other)
         if radius is None:
             return nearest[None], key.controls.locality
-        reached = np.minimum(nearest * np.float32(self._geodesics[exact].extent / radius), np.float32(1.0))
+        # The limit keeps the product with the distance 0 at the handle finite.
+        factor = np.float32(min(self._geodesics[exact].extent / radius, LARGEST))
+        reached = np.minimum(nearest * factor, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
     def _bind(self, key: Key, column: Float32) -> None:

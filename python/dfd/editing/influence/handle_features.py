@@ -73,7 +73,8 @@ class HandleFeatures:
         if width == 0.0:
             inside[self.members(region)] = 1.0
             return inside
-        left = np.maximum(1.0 - distances_from(self._mesh, region) / width, 0.0)
+        with np.errstate(over="ignore"):
+            left = np.maximum(1.0 - distances_from(self._mesh, region) / width, 0.0)
         return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
 
     def representatives(self, region: Region) -> Int64:

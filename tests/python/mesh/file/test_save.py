@@ -106,6 +106,19 @@ def test_a_mirrored_placing_keeps_normals_outside(tmp_path: Path) -> None:
     assert np.all(np.einsum("ij,ij->i", geometry.vertex_normals, outward) > 0)
 
 
+@pytest.mark.parametrize("outside", [True, False])
+def test_normals_keep_their_side_whichever_way_faces_are_wound(tmp_path: Path, outside: bool) -> None:
+    """The faces are wound inwards. Moved normals stay on the side on which the file has them."""
+    gltf, sign = Gltf(), 1.0 if outside else -1.0
+    normals = gltf.accessor(sign * (CORNERS - 0.5) / np.sqrt(0.75), 5126, "VEC3")
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE[:, ::-1], attributes={"NORMAL": normals}))
+    mesh = load(write(tmp_path / "cube.glb", gltf.glb()))
+    mesh.save(tmp_path / "out.glb", mesh.vertices * 2)
+    geometry = next(iter(trimesh.load_scene(tmp_path / "out.glb", process=False).geometry.values()))
+    outward = geometry.vertices - geometry.vertices.mean(axis=0)
+    assert np.all(sign * np.einsum("ij,ij->i", geometry.vertex_normals, outward) > 0)
+
+
 def test_textures_become_vertex_colors_in_ply(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     mesh.save(tmp_path / "quad.ply")

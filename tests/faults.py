@@ -1,0 +1,312 @@
+"""`python -m tests.faults [--count N] [--seed N] [--jobs N] [PACKAGE …]`: measure how many faults the tests find.
+
+Each fault changes one line of a package in a copy of the tree: a constant is scaled, a comparison reversed, a term
+removed, or a statement deleted. Then the quick tests of that package run until the first one fails. Without packages,
+all of `PACKAGES` get faults. COUNT faults are drawn at random, and the faults in `NAMED` are added. The output is the
+share of faults that the tests find, and each fault. The exit code is 1 if the share is below 90 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import importlib.util
+import os
+import random
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import wait
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = Path("python/dfd")
+PACKAGES = ("editing", "segmentation", "posing", "weights", "field")
+COPIED = ("python", "tests", "bench", "docs", "pyproject.toml", "README.md", "CONTRIBUTING.md", "SECURITY.md")
+LEFT_OUT = ("node_modules", "__pycache__", "client", "corpus", ".hypothesis")
+# Tests run in forked processes, so that these packages, which tests need, are imported only once.
+FORK = get_context("fork")
+PRELOADED = ("numpy", "scipy.sparse.csgraph", "scipy.spatial", "torch", "pydantic", "trimesh")
+WANTED = 0.9  # smallest share of faults that the tests must find
+SLOW = "slow or processes or browser"  # marks of tests that do not run
+
+REVERSED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==", "is": "is not", "is not": "is"}
+SIGNS: dict[type[ast.cmpop], str] = {
+    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.Is: "is",
+    ast.IsNot: "is not",
+}  # fmt: skip
+
+# Faults that a review found without a test. Each is a file, a text that occurs in it once, and what replaces it.
+NAMED = [
+    ("geometry/part_axis.py", " * rise * rise * (3 - 2 * rise)", ""),
+    ("geometry/part_axis.py", "(gradient * center).sum(axis=1), gradient]", "0 * center[:, 0], 0 * gradient]"),
+    ("mesh/file/write.py", "new[inward] *= -1", "pass"),
+    ("upright/find_up.py", "UNALIGNED_PRIOR = 0.5", "UNALIGNED_PRIOR = 0.0"),
+    ("upright/find_up.py", "of_axes[parallel[first]].sum()", "of_axes[first]"),
+]
+
+# Texts of lines whose faults change only the time, the memory or a message, so that no test can find them.
+HARMLESS: dict[str, tuple[str, ...]] = {}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of one line of a file."""
+
+    path: Path  # relative to `SOURCES`
+    row: int  # index of the line
+    start: int  # columns of the replaced text
+    end: int
+    new: str  # the text that replaces it
+
+    @property
+    def package(self) -> str:
+        """Return the package whose tests should find the fault."""
+        return self.path.parts[0]
+
+    def put_in(self, text: str) -> str:
+        """Return the source `text` of the file with the fault."""
+        lines = text.splitlines(keepends=True)
+        line = lines[self.row]
+        lines[self.row] = line[: self.start] + self.new + line[self.end :]
+        return "".join(lines)
+
+    def shown(self, text: str) -> str:
+        """Return the place of the fault in the source `text`, with the line before and after the change."""
+        old, new = (each.splitlines()[self.row].strip() for each in (text, self.put_in(text)))
+        return f"{SOURCES / self.path}:{self.row + 1}\n    - {old}\n    + {new}"
+
+
+def faults_of(path: Path, text: str) -> list[Fault]:
+    """Return all faults that can be drawn in a file with the source `text`."""
+    lines = text.splitlines()
+    found = []
+    for node, new in _replacements(ast.parse(text)):
+        if node.lineno != node.end_lineno:
+            continue
+        line = lines[node.lineno - 1]
+        start, end = (len(line.encode()[:column].decode()) for column in (node.col_offset, node.end_col_offset))
+        harmless = any(part in line for part in HARMLESS.get(path.as_posix(), ()))
+        if not harmless and line[start:end] != new:
+            found.append(Fault(path, node.lineno - 1, start, end, new))
+    return found
+
+
+def _replacements(tree: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
+    """Yield nodes of a syntax tree, and the text that replaces each.
+
+    Indices, axes and array shapes do not change, because almost any test would find such a fault.
+    """
+    for node in _nodes(tree):
+        match node:
+            case ast.Constant(value=bool()):
+                yield node, str(not node.value)
+            case ast.Constant(value=float() as value):
+                yield node, repr(2.0 * value or 1.0)
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Constant(value=int() as value)) if name.isupper():
+                yield node.value, str(2 * value)
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in SIGNS:
+                yield node, f"{ast.unparse(left)} {REVERSED[SIGNS[type(op)]]} {ast.unparse(right)}"
+                yield from _next_numbers(left, right)
+            case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), right=right):
+                yield node, _in_brackets(left)
+                if isinstance(node.op, ast.Add | ast.Mult):
+                    yield node, _in_brackets(right)
+                yield from _next_numbers(left, right)
+            case ast.BoolOp(op=op, values=values):
+                for left_out in values:
+                    others = [each for each in values if each is not left_out]
+                    yield node, _in_brackets(others[0] if len(others) == 1 else ast.BoolOp(op, others))
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int())):
+                continue  # an index or an axis
+            case ast.UnaryOp(op=ast.USub() | ast.Not() | ast.Invert(), operand=operand):
+                yield node, _in_brackets(operand)
+            case ast.IfExp(body=body, orelse=other):
+                yield node, _in_brackets(body)
+                yield node, _in_brackets(other)
+            case ast.AugAssign() | ast.Expr() | ast.Continue() | ast.Break() | ast.Raise():
+                yield node, "pass"
+            case ast.Assign(targets=[ast.Subscript() | ast.Attribute()]):
+                yield node, "pass"
+
+
+def _next_numbers(*operands: ast.expr) -> Iterator[tuple[ast.expr, str]]:
+    """Yield the `operands` that are whole numbers, and the next number of each."""
+    for operand in operands:
+        if isinstance(operand, ast.Constant) and type(operand.value) is int:
+            yield operand, str(operand.value + 1)
+
+
+def _in_brackets(node: ast.expr) -> str:
+    """Return the text of an expression, in brackets unless it is a name, a number, a call or the like."""
+    simple = isinstance(node, ast.Name | ast.Constant | ast.Call | ast.Attribute | ast.Subscript)
+    return ast.unparse(node) if simple else f"({ast.unparse(node)})"
+
+
+def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
+    """Yield the nodes of a syntax tree that decide results: no annotations, messages, docstrings, imports, indices."""
+    for node in ast.iter_child_nodes(tree):
+        inner: list[ast.AST] = [node]
+        match node:
+            case ast.FunctionDef(name="__repr__" | "__str__") | ast.Expr(value=ast.Constant()):
+                continue
+            case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom() | ast.keyword(arg="axis"):
+                continue
+            case ast.If(test=ast.Name(id="TYPE_CHECKING")):
+                continue
+            case ast.AnnAssign(value=value):
+                yield from () if value is None else _nodes(ast.Expression(value))
+                continue
+            case ast.arguments(defaults=defaults, kw_defaults=more):
+                yield from _nodes(ast.Tuple([each for each in (*defaults, *more) if each is not None]))
+                continue
+            case ast.Subscript(value=value):
+                inner = [ast.Expression(value)]
+            case ast.Raise():
+                inner = []
+        if isinstance(node, ast.expr | ast.stmt):
+            yield node
+        for each in inner:
+            yield from _nodes(each)
+
+
+def named_faults(packages: tuple[str, ...]) -> list[Fault]:
+    """Return the faults in `NAMED` of the `packages`. Raises ValueError if a text does not occur once in its file."""
+    found = []
+    for name, old, new in NAMED:
+        text = (ROOT / SOURCES / name).read_text()
+        if text.count(old) != 1:
+            raise ValueError(f"{name}: {old!r} must occur once, but occurs {text.count(old)} times")
+        before = text[: text.index(old)]
+        row, start = before.count("\n"), len(before) - before.rfind("\n") - 1
+        found.append(Fault(Path(name), row, start, start + len(old), new))
+    return [fault for fault in found if fault.package in packages]
+
+
+def drawn_faults(packages: tuple[str, ...], count: int, seed: int) -> list[Fault]:
+    """Return `count` faults of the `packages`, drawn at random."""
+    files = [path for package in packages for path in sorted((ROOT / SOURCES / package).rglob("*.py"))]
+    faults = [fault for path in files for fault in faults_of(path.relative_to(ROOT / SOURCES), path.read_text())]
+    return random.Random(seed).sample(faults, min(count, len(faults)))
+
+
+def copy_of_tree(folder: Path) -> Path:
+    """Copy the sources, the tests and the installed extension to `folder`."""
+    for name in COPIED:
+        source, ignored = ROOT / name, shutil.ignore_patterns(*LEFT_OUT)
+        shutil.copytree(source, folder / name, ignore=ignored) if source.is_dir() else shutil.copy(source, folder)
+    installed = importlib.util.find_spec("dfd")
+    assert installed is not None
+    for place in installed.submodule_search_locations or ():
+        for extension in Path(place).glob("_core*"):
+            shutil.copy(extension, folder / SOURCES)
+    return folder
+
+
+class Trial:
+    """A run of the quick tests of a package, in a forked process and in the copy `tree`, with or without a fault."""
+
+    def __init__(self, tree: Path, package: str, fault: Fault | None, longest: float) -> None:
+        """Put the fault in, and start the tests. Tests that take longer than `longest` seconds count as failed."""
+        self.tree, self.fault = tree, fault
+        if fault is not None:
+            self._file = tree / SOURCES / fault.path
+            self._text = self._file.read_text()
+            self._file.write_text(fault.put_in(self._text))
+        self.process = FORK.Process(target=_run_tests, args=(tree, package, "" if fault is None else fault.path.stem))
+        self.process.start()
+        self._end = time.monotonic() + longest
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether the tests have ended; end them if they take too long."""
+        if self.process.is_alive() and time.monotonic() > self._end:
+            self.process.kill()
+            self.process.join()
+        return not self.process.is_alive()
+
+    def passed(self) -> bool:
+        """Take the fault out, and return whether all tests passed."""
+        if self.fault is not None:
+            self._file.write_text(self._text)
+            for compiled in (self._file.parent / "__pycache__").glob(f"{self._file.stem}.*"):
+                compiled.unlink()
+        return self.process.exitcode == 0
+
+
+def _run_tests(tree: Path, package: str, first: str) -> None:
+    """Run the quick tests of `package` until one fails; those in `test_FIRST.py` run first. Exit with pytest's code."""
+    os.chdir(tree)
+    sys.path[:] = [str(tree / "python"), *(path for path in sys.path if not Path(path).resolve().is_relative_to(ROOT))]
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+        del sys.modules[name]
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    folder = Path("tests/python", package)
+    order = [*(str(path) for path in sorted(folder.rglob(f"test_{first}.py"))), str(folder)]
+    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", *order])))
+
+
+def trials(faults: list[Fault], trees: list[Path], longest: dict[str, float]) -> Iterator[tuple[Fault, bool]]:
+    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and whether a test fails."""
+    waiting, running = list(reversed(faults)), list[Trial]()
+    while waiting or running:
+        free = [tree for tree in trees if all(trial.tree is not tree for trial in running)]
+        for tree in free[: len(waiting)]:
+            fault = waiting.pop()
+            running.append(Trial(tree, fault.package, fault, longest[fault.package]))
+        wait([trial.process.sentinel for trial in running], timeout=1.0)
+        for trial in [trial for trial in running if trial.is_over]:
+            running.remove(trial)
+            assert trial.fault is not None
+            yield trial.fault, not trial.passed()
+
+
+def time_limit(tree: Path, package: str) -> float:
+    """Return the longest time in seconds that the tests of `package` may take; raise ValueError if they fail."""
+    began = time.monotonic()
+    trial = Trial(tree, package, None, float("inf"))
+    trial.process.join()
+    if not trial.passed():
+        raise ValueError(f"the tests of {package} fail without any fault")
+    return 5 * (time.monotonic() - began) + 60
+
+
+def main() -> int:
+    """Print the share of faults that the tests find, and each fault."""
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
+    parser.add_argument("--count", type=int, default=100, help="number of faults that are drawn at random")
+    parser.add_argument("--seed", type=int, default=0, help="equal seeds give equal faults of equal sources")
+    parser.add_argument("--jobs", type=int, default=1, help="number of faults that are tried at the same time")
+    parser.add_argument("packages", nargs="*", help=f"packages in {SOURCES}, by default {', '.join(PACKAGES)}")
+    given = parser.parse_args()
+    packages = tuple(given.packages or PACKAGES)
+    if missing := [each for each in packages if not (ROOT / SOURCES / each).is_dir()]:
+        parser.error(f"there is no package {', '.join(missing)} in {SOURCES}")
+    faults = named_faults(packages) + drawn_faults(packages, given.count, given.seed)
+    os.environ["OMP_NUM_THREADS"] = "1"
+    for name in PRELOADED:
+        importlib.import_module(name)
+    missed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        trees = [copy_of_tree(Path(folder, str(number)).resolve()) for number in range(given.jobs)]
+        longest = {package: time_limit(trees[0], package) for package in sorted({fault.package for fault in faults})}
+        texts = {fault.path: (trees[0] / SOURCES / fault.path).read_text() for fault in faults}
+        for number, (fault, found) in enumerate(trials(faults, trees, longest), 1):
+            missed += not found
+            print(f"{number}/{len(faults)}", "found" if found else "NOT FOUND", end=": ")
+            print(fault.shown(texts[fault.path]), flush=True)
+    share = 1 - missed / len(faults)
+    print(f"The tests find {len(faults) - missed} of {len(faults)} faults ({share:.0%}).")
+    return int(share < WANTED)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""Test the faults of `tests.faults`: which lines change, and how."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from tests import faults
+
+TEXT = '''"""A docstring with 0.5 in it."""
+from typing import Annotated
+
+LIMIT = 0.25  # a constant
+COUNT = 3
+
+
+def share(values: Annotated[float, 0.5], scale=2.0) -> float:
+    """Return 1.5 times a share."""
+    total = 1 + values[2]
+    if not values or total > 7:
+        raise ValueError(f"{scale * 2.5}")
+    values[0] = -scale
+    values.sort(axis=1, reverse=True)
+    return total if scale else LIMIT
+
+
+def __repr__(self):
+    return 0.75
+'''
+
+
+def test_every_kind_of_fault_is_drawn_and_nothing_else_changes():
+    lines = TEXT.splitlines()
+    changed = set()
+    for fault in faults.faults_of(Path("posing/share.py"), TEXT):
+        ast.parse(fault.put_in(TEXT))
+        after = fault.put_in(TEXT).splitlines()
+        assert [row for row, line in enumerate(after) if line != lines[row]] == [fault.row]
+        changed.add(after[fault.row].strip())
+    assert changed == {
+        "LIMIT = 0.5  # a constant",
+        "COUNT = 6",
+        "def share(values: Annotated[float, 0.5], scale=4.0) -> float:",
+        "total = 1",
+        "total = values[2]",
+        "total = 2 + values[2]",
+        "if (total > 7):",
+        "if values or total > 7:",
+        "if (not values):",
+        "if not values or total <= 7:",
+        "if not values or total > 8:",
+        "pass",
+        "values[0] = scale",
+        "values.sort(axis=1, reverse=False)",
+        "return total",
+        "return LIMIT",
+    }
+
+
+def test_harmless_lines_are_left_out(monkeypatch):
+    monkeypatch.setitem(faults.HARMLESS, "posing/share.py", ("COUNT =",))
+    rows = {fault.row for fault in faults.faults_of(Path("posing/share.py"), TEXT)}
+    assert 3 in rows
+    assert 4 not in rows
+
+
+def test_named_faults_and_harmless_lines_are_in_the_sources():
+    names = {name.split("/")[0] for name, *_ in faults.NAMED}
+    named = faults.named_faults(tuple(names))
+    assert len(named) == len(faults.NAMED)
+    for fault in named:
+        ast.parse(fault.put_in((faults.ROOT / faults.SOURCES / fault.path).read_text()))
+    for name, texts in faults.HARMLESS.items():
+        source = (faults.ROOT / faults.SOURCES / name).read_text()
+        assert all(text in source for text in texts), name
+
+
+def test_draws_depend_on_the_seed_alone():
+    drawn = faults.drawn_faults(("posing",), 10, 1)
+    assert drawn == faults.drawn_faults(("posing",), 10, 1)
+    assert drawn != faults.drawn_faults(("posing",), 10, 2)
+    assert {fault.package for fault in drawn} == {"posing"}
+
+
+def test_a_named_fault_that_no_longer_fits_is_an_error(monkeypatch):
+    monkeypatch.setattr(faults, "NAMED", [("posing/bend.py", "no such text", "")])
+    with pytest.raises(ValueError, match=r"posing/bend.py: 'no such text' must occur once, but occurs 0 times"):
+        faults.named_faults(("posing",))
