@@ -242,14 +242,18 @@ def _shares(apart: Float64, component: Int64, own: int, outward: Float64) -> Flo
         return np.ones_like(apart)
     others = np.delete(apart[:, own], component[own])
     half = float(min(outward[outward > 0].min(initial=LARGEST), others.min(initial=LARGEST)))
-    nearest = np.sort(apart, axis=0)[:2]
-    with np.errstate(invalid="ignore"):
-        beside = np.where(apart == nearest[0], nearest[1], nearest[0]) - apart
-    ahead = np.where(np.isnan(beside), -1.0, np.clip(beside / max(2 * half, 1e-300), -0.5, 0.5)) + 0.5
-    ahead = np.clip(ahead, 0.0, 1.0)
-    parts = ahead * ahead * (3 - 2 * ahead)
-    total = parts.sum(axis=0)
-    return np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
+    first, second = np.full((2, apart.shape[1]), np.inf)  # the distances from the two nearest components
+    for row in apart:
+        second = np.minimum(second, np.maximum(first, row))
+        first = np.minimum(first, row)
+    shares = np.zeros_like(apart)
+    for row, share in zip(apart, shares, strict=True):
+        near = np.isfinite(row)
+        ahead = np.where(row[near] == first[near], second[near], first[near]) - row[near]
+        part = np.clip(ahead / max(2 * half, 1e-300), -0.5, 0.5) + 0.5
+        share[near] = part * part * (3 - 2 * part)
+    total = shares.sum(axis=0)
+    return np.divide(shares, total, out=shares, where=total > 0)
 
 
 def _smoothed(surface: csr_array, field: Float64, low: float, high: float, deviation: float) -> Float64:
