@@ -299,7 +299,7 @@ def test_a_rig_stretches_a_lengthened_limb_although_another_pose_shears_it(mesh,
         rig = rig_of(session, [dfd.KeyPose(1.0 + number, {held: pose}) for number, pose in enumerate(poses)])
         bands[name] = np.concatenate([1 - weights[:, rig.default] for _, weights in rig.weights()])
     partial = {name: int(((each > 0.05) & (each < 0.95)).sum()) for name, each in bands.items()}
-    assert partial["both"] > max(partial["stretch"], partial["shear"])
+    assert partial["both"] >= max(partial["stretch"], partial["shear"])
     assert partial["stretch"] != partial["shear"]
 
 

@@ -94,7 +94,7 @@ def test_little_is_not_nothing(mesh, field):
     features[:, 0], features[5] = 1, np.eye(16)[1]
     deformer = dfd.Deformer(mesh, field, features=features)
     deformer.add(5, translation=(0, 1, 0))
-    assert str(deformer.report()).startswith("moved less than 1 % of the vertices, up to 1; handle 1 arrived")
+    assert str(deformer.report()).startswith("moved less than 1 % of the vertices, up to 1, and stretched ")
 
 
 def test_a_negative_scale_is_told_to_mirror(deformer):

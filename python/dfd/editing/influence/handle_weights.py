@@ -103,9 +103,9 @@ class HandleWeights:
         lowest, highest = self.parts.levels(vertex)
         level = min(max(level, lowest), highest)
         component = self.parts.components(vertex, level)
-        if component is None and level == 0:  # the borders are unclear, so the smallest region moves
-            level = -1
-            component = self.parts.components(vertex, level) if lowest < 0 else None
+        if component is None and level == 0 and lowest < 0 < highest:
+            level = -1  # the borders are unclear, so the smallest region moves
+            component = self.parts.components(vertex, level)
         if component is None:
             return None
         region = None
@@ -129,8 +129,9 @@ class HandleWeights:
 
         Counterparts are not searched, so this is fast enough to show the part under the pointer.
         """
-        component = self.parts.components(vertex)
-        component = self.parts.components(vertex, -1) if component is None else component
+        component, (lowest, highest) = self.parts.components(vertex), self.parts.levels(vertex)
+        if component is None and lowest < 0 < highest:
+            component = self.parts.components(vertex, -1)
         if component is None:
             return None
         held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, None, None)

@@ -27,6 +27,7 @@ OUTSIDE, BEYOND, INSIDE = 1.5, 0.2, 0.5
 # Depths are smoothed by a Gaussian with this standard deviation, in radii, because borders run in zigzags along nodes.
 SMOOTHING = 0.4
 LEAST_DEPTH = 1e-3  # depths are raised until that of the handle is at least this, in radii, also after smoothing
+LARGEST = 1e300  # stands for infinite lengths in divisions
 BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length
 
 
@@ -207,16 +208,20 @@ def _border(nodes: Nodes, row: Int64, beside: Int64, cut: Bool) -> tuple[Float64
 
 def _distances(surface: csr_array, sources: Int64, offset: Float64, limit: float) -> Float64:
     """Return the distance (N,) of each node from the nearest source, plus the source's `offset` (S,)."""
-    result = np.full(surface.shape[0], np.inf)
-    if len(sources):
-        start = np.full(surface.shape[0], np.inf)
-        np.minimum.at(start, sources, offset)
-        found, _, source = dijkstra(
-            surface, indices=np.flatnonzero(np.isfinite(start)), min_only=True, return_predecessors=True, limit=limit
-        )
-        known = source >= 0
-        result[known] = found[known] + start[source[known]]
-    return result
+    count = surface.shape[0]
+    start = np.full(count, np.inf)
+    np.minimum.at(start, sources, offset)
+    own = np.flatnonzero(np.isfinite(start))
+    # One more node has an edge to each source, as long as the source's offset.
+    joined_graph = csr_array(
+        (
+            np.concatenate([surface.data, start[own]]),
+            np.concatenate([surface.indices, own]),
+            np.append(surface.indptr, surface.nnz + len(own)),
+        ),
+        shape=(count + 1, count + 1),
+    )
+    return np.asarray(dijkstra(joined_graph, indices=count, limit=limit)[:count], np.float64)
 
 
 def _within_share(area: Float64, inside: Bool, apart: Float64) -> float:
@@ -235,15 +240,20 @@ def _shares(apart: Float64, component: Int64, own: int, outward: Float64) -> Flo
     """
     if len(apart) == 1:
         return np.ones_like(apart)
-    half = min(float(outward[outward > 0].min(initial=np.inf)), float(np.delete(apart[:, own], component[own]).min()))
-    nearest = np.sort(apart, axis=0)[:2]
-    with np.errstate(invalid="ignore"):
-        beside = np.where(apart == nearest[0], nearest[1], nearest[0]) - apart
-    ahead = np.where(np.isnan(beside), -1.0, np.clip(beside / max(2 * half, 1e-300), -0.5, 0.5)) + 0.5
-    ahead = np.clip(ahead, 0.0, 1.0)
-    parts = ahead * ahead * (3 - 2 * ahead)
-    total = parts.sum(axis=0)
-    return np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
+    others = np.delete(apart[:, own], component[own])
+    half = float(min(outward[outward > 0].min(initial=LARGEST), others.min(initial=LARGEST)))
+    first, second = np.full((2, apart.shape[1]), np.inf)  # the distances from the two nearest components
+    for row in apart:
+        second = np.minimum(second, np.maximum(first, row))
+        first = np.minimum(first, row)
+    shares = np.zeros_like(apart)
+    for row, share in zip(apart, shares, strict=True):
+        near = np.isfinite(row)
+        ahead = np.where(row[near] == first[near], second[near], first[near]) - row[near]
+        part = np.clip(ahead / max(2 * half, 1e-300), -0.5, 0.5) + 0.5
+        share[near] = part * part * (3 - 2 * part)
+    total = shares.sum(axis=0)
+    return np.divide(shares, total, out=shares, where=total > 0)
 
 
 def _smoothed(surface: csr_array, field: Float64, low: float, high: float, deviation: float) -> Float64:
