@@ -134,7 +134,7 @@ class HandleWeights:
             component = self.parts.components(vertex, -1)
         if component is None:
             return None
-        held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, None, None)
+        held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, _never, tuple)
         return _dense(held.components, self.mesh)
 
     def reach(self, handle: Handle) -> float:
@@ -384,6 +384,10 @@ def _dense(components: Sequence[Component], mesh: Mesh) -> Float32:
         total[each.core.vertices] += each.core.values
         total[each.vertices] += each.share * weights_at(each.depth, band_at_rest(each, mesh.diagonal))
     return np.minimum(total, 1.0)
+
+
+def _never() -> Float32:
+    raise AssertionError("a part with one component needs no features")
 
 
 def _is_split(handle: Handle) -> bool:
