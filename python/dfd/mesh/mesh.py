@@ -21,7 +21,6 @@ from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.common.read_only import ReadOnlyArrays
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
-from dfd.mesh.file.read import read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
@@ -266,6 +265,8 @@ def load(
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh
     if isinstance(source, str | os.PathLike):
+        from dfd.mesh.file.read import read
+
         scene = read(source, at_rest=pose == "rest")
     elif known is not None and isinstance(source, known.Trimesh | known.Scene):
         from dfd.mesh.file.in_trimesh import of_trimesh

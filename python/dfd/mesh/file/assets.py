@@ -15,12 +15,27 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import UInt8
 
 if TYPE_CHECKING:
     from PIL import Image
 
 _T = TypeVar("_T")
+_LFS = b"version https://git-lfs"
+_DISGUISES = {  # by the first bytes of a file
+    _LFS: "a Git LFS pointer, which `git lfs pull` replaces by the file",
+    **dict.fromkeys((b"\xff\xfe", b"\xfe\xff"), "text in the encoding UTF-16; convert it to UTF-8"),
+    **dict.fromkeys((b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd"), "compressed data; decompress it first"),
+    **dict.fromkeys((b"PK\x03\x04", b"Rar!", b"7z\xbc\xaf"), "an archive, such as a ZIP file; unpack it first"),
+    **dict.fromkeys((b"<!doctype", b"<html", b"<head"), "an HTML page, as after a failed download"),
+    **dict.fromkeys((b"<?xml", b"<"), "XML text"),
+    **dict.fromkeys((b"\x89png", b"\xff\xd8\xff", b"gif8"), "a picture"),
+    b"%pdf": "a PDF document",
+    b"kaydara fbx": "an FBX file",
+    b"blender": "a Blender file",
+}
+_MESHES = {b"gltf": ".glb", b"ply": ".ply", b"solid": ".stl", b"off": ".off", b"{": ".gltf"}  # by the first letters
 MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, these need 256 MiB
 
 
@@ -45,11 +60,15 @@ class AssetFolder:
         for variant in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
             path = (folder / variant.strip()).resolve()
             if not path.is_relative_to(folder):
-                raise ValueError(f"{shortened(name)} lies outside the folder of the file")
+                reason = f"names {shortened(name)}, which lies outside the folder of the file and is therefore not read"
+                raise ArgumentError("path", reason)
             if any(step.startswith(".") for step in path.relative_to(folder).parts):
                 raise ValueError(f"{shortened(name)} is a hidden file")
             if path.exists():
-                return read_regular(path)
+                data = read_regular(path)
+                if data.startswith(_LFS):
+                    raise ArgumentError("path", f"names {shortened(name)}, which is {_DISGUISES[_LFS]}")
+                return data
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
@@ -75,7 +94,7 @@ class AssetFolder:
                     f"an image of {width} × {height} texels exceeds the limit of {MOST_TEXELS} texels in all images"
                 )
             self._texels_left -= width * height
-            self._texels[key] = _read_image(data, lambda image: np.asarray(image.convert("RGBA"), np.uint8))
+            self._texels[key] = _read_image(data, as_texels)
         return self._texels[key]
 
 
@@ -87,6 +106,17 @@ def image_format(data: bytes) -> str:
         return (image.format or "png").lower()
 
     return _read_image(data, verified)
+
+
+def as_texels(image: Image.Image) -> UInt8:
+    """Return a Pillow image as RGBA texels (rows, columns, 4). Gray images of 16 or 32 bits are scaled to 8 bits."""
+    from PIL import Image
+
+    if image.mode in ("I", "F") or image.mode.startswith("I;16"):  # Pillow's own conversion would clip these to white
+        white = 1.0 if image.mode == "F" else 65535.0
+        gray = np.nan_to_num(np.asarray(image, np.float64) / white).clip(0, 1)
+        image = Image.fromarray(np.rint(gray * 255).astype(np.uint8))
+    return np.asarray(image.convert("RGBA"), np.uint8)
 
 
 def as_image(texels: UInt8) -> Image.Image:
@@ -130,6 +160,19 @@ def read_regular(path: Path) -> bytes:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise OSError(errno.EINVAL, "it is not a file")
         return stream.read()
+
+
+def disguise(data: bytes, ending: str) -> str | None:
+    """Return what a file that is no mesh of the format `ending` seems to be; None if its first bytes do not tell."""
+    begin = data[:64]
+    if len(begin) > 8 and any(begin[1::2]) != any(begin[::2]):
+        begin = b"\xff\xfe"  # every other byte of UTF-16 text is 0
+    start = begin.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    for mark, what in _DISGUISES.items():
+        if begin.startswith(mark) or start.startswith(mark.lower()):
+            return what
+    other = next((each for mark, each in _MESHES.items() if start.startswith(mark)), ending)
+    return None if {ending, other} in ({ending}, {".glb", ".gltf"}) else f"content of the format {other[1:].upper()}"
 
 
 def shortened(value: object) -> str:

@@ -12,11 +12,14 @@ from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
     COMPONENTS,
+    DATA_CHUNK,
     DRACO,
     MESHOPT,
     Header,
     extension,
     item,
+    objects,
+    read,
     reference,
     whole,
 )
@@ -31,15 +34,22 @@ _UNSIGNED = (5121, 5123, 5125)  # component types of unsigned integers with 8, 1
 class GltfData:
     """The JSON header of a glTF file, and its data. Methods raise ValueError or OSError if data cannot be read."""
 
-    def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
-        """Store the header, the data chunk of a GLB file, and the folder from which external files are read."""
-        self.header = header
-        self._embedded = embedded
+    def __init__(self, content: bytes, assets: AssetFolder) -> None:
+        """Check the header of the glTF or GLB file with this content. External files are read from a folder."""
+        self.header, self.chunks = read(content)
+        self.content = np.frombuffer(content, np.uint8)  # an array, because processes can share arrays
+        self._embedded = self.chunks.pop(DATA_CHUNK, None)
         self.assets = assets
         self._buffers: dict[int, UInt8] = {}  # arrays, because processes can share them
         self._views: dict[int, bytes] = {}
         self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the file refers to no other files."""
+        owners = [*objects(self.header, "buffers"), *objects(self.header, "images")]
+        return all(str(each.get("uri", "data:")).startswith("data:") for each in owners)
 
     def buffer(self, index: int) -> UInt8:
         """Return the bytes of a buffer."""

@@ -8,7 +8,9 @@ import importlib.util
 import json
 import struct
 from collections import Counter
+from collections.abc import Mapping
 from itertools import chain
+from types import MappingProxyType
 from typing import Any, TypeGuard, cast
 
 from dfd.mesh.file.assets import shortened
@@ -16,7 +18,7 @@ from dfd.mesh.file.assets import shortened
 Header = dict[str, Any]
 
 _MAGIC = b"glTF"  # the first bytes of a GLB file
-_JSON_CHUNK, _DATA_CHUNK = 0x4E4F534A, 0x004E4942
+_JSON_CHUNK, DATA_CHUNK = 0x4E4F534A, 0x004E4942
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -28,6 +30,7 @@ _LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
+    "EXT_mesh_gpu_instancing",
 )
 _COLLECTIONS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
@@ -42,14 +45,13 @@ _MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; `_MOST_OVERLAP` is checked only above this total length
 
 
-def read(data: bytes) -> tuple[Header, bytes | None]:
-    """Return the header of a glTF or GLB file, and the data chunk of a GLB file.
+def read(data: bytes) -> tuple[Header, dict[int, bytes]]:
+    """Return the header of a glTF or GLB file, and the other chunks of a GLB file by their kinds.
 
     Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
-    glb = data.startswith(_MAGIC)
-    text, embedded = split_glb(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
-    header: object = json.loads(text.decode())
+    chunks = _split_glb(data) if data.startswith(_MAGIC) else {_JSON_CHUNK: data.removeprefix(codecs.BOM_UTF8)}
+    header: object = json.loads(chunks.pop(_JSON_CHUNK).decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
     _check_depth(header)
@@ -57,15 +59,21 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
         objects(header, name)
     _check_version(header)
     _check_extensions(header)
-    _check_views(header, glb)
+    _check_views(header, data.startswith(_MAGIC))
     _check_accessors(header)
     _check_primitives(header)
     _check_nodes(header)
-    return header, embedded
+    return header, chunks
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON text of a GLB file, and its data chunk; the chunk is None if the file has none."""
+    chunks = _split_glb(data)
+    return chunks[_JSON_CHUNK], chunks.get(DATA_CHUNK)
+
+
+def _split_glb(data: bytes) -> dict[int, bytes]:
+    """Return the chunks of a GLB file by their kinds, the JSON text first."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])
@@ -73,23 +81,25 @@ def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
         raise ValueError(f"it has version {version} of the format, and only 2 can be read")
     if total != len(data):
         raise ValueError(f"it should have {total} bytes, but has {len(data)}")
-    kind, text, end = _chunk(data, 12)
-    if kind != _JSON_CHUNK:
-        raise ValueError("its first chunk is not JSON")
+    chunks: dict[int, bytes] = {}
+    end = 12
     while end + 8 <= len(data):
         kind, content, end = _chunk(data, end)
-        if kind == _DATA_CHUNK:
-            return text, content
-    return text, None
+        if not chunks and kind != _JSON_CHUNK:
+            raise ValueError("its first chunk is not JSON")
+        chunks.setdefault(kind, content)
+    return chunks
 
 
-def join_glb(text: bytes, data: bytes) -> bytes:
-    """Return a GLB file with this JSON text and this data chunk."""
-    text += b" " * (-len(text) % 4)
-    padding = bytes(-len(data) % 4)
-    total = 12 + 8 + len(text) + 8 + len(data) + len(padding)
-    head = struct.pack("<4sIIII", _MAGIC, 2, total, len(text), _JSON_CHUNK)
-    return b"".join([head, text, struct.pack("<II", len(data) + len(padding), _DATA_CHUNK), data, padding])
+def join_glb(text: bytes, data: bytes, others: Mapping[int, bytes] = MappingProxyType({})) -> bytes:
+    """Return a GLB file with this JSON text, this data chunk and `others`, which are chunks by their kinds."""
+    chunks = [
+        (_JSON_CHUNK, text + b" " * (-len(text) % 4)),
+        (DATA_CHUNK, data + bytes(-len(data) % 4)),
+        *others.items(),
+    ]
+    pieces = [piece for kind, content in chunks for piece in (struct.pack("<II", len(content), kind), content)]
+    return b"".join([struct.pack("<4sII", _MAGIC, 2, 12 + sum(map(len, pieces))), *pieces])
 
 
 def _chunk(data: bytes, start: int) -> tuple[int, bytes, int]:
@@ -120,6 +130,22 @@ def extension(owner: Header, name: str) -> Header | None:
     found = owner.get("extensions")
     value = found.get(name) if isinstance(found, dict) else None
     return value if isinstance(value, dict) else None
+
+
+def drop_extension(header: Header, owner: Header, name: str) -> None:
+    """Remove the extension `name` of an object, and from the header's lists if no other node or primitive uses it."""
+    owner["extensions"].pop(name)
+    if not owner["extensions"]:
+        del owner["extensions"]
+    meshes = objects(header, "meshes")
+    users = chain(objects(header, "nodes"), chain.from_iterable(objects(mesh, "primitives") for mesh in meshes))
+    if any(extension(each, name) is not None for each in users):
+        return
+    for list_name in ("extensionsUsed", "extensionsRequired"):
+        if name in header.get(list_name, []):
+            header[list_name].remove(name)
+            if not header[list_name]:  # the format allows no empty lists
+                del header[list_name]
 
 
 def parents(header: Header) -> dict[int, int]:
@@ -204,7 +230,9 @@ def _check_accessors(header: Header) -> None:
             continue
         view = reference(header, accessor, "bufferView", f"accessor {i}")
         stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
-        if stride < max(size, _LEAST_STRIDE):
+        if stride < _LEAST_STRIDE:
+            raise ValueError(f"bufferView {view} has the byteStride {stride}; glTF permits 4 to 252 bytes")
+        if stride < size:
             raise ValueError(
                 f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )

@@ -11,9 +11,10 @@ from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.assets import as_png, read_regular
-from dfd.mesh.file.edits import rows_as_text
+from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.edits import decoded, rows_as_text
+from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name
-from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
@@ -21,9 +22,13 @@ _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do 
 _LONGEST_NAME = 60  # characters; longer names of materials are cut, because file names of textures contain the names
 
 
-def encode(vertices: Float64, faces: Int32) -> bytes:
-    """Return an OBJ file with only vertices (V, 3) and faces (F, 3)."""
-    return _lines(b"v", vertices) + _faces([faces])
+def encode(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return the files of a mesh, by name: an OBJ file, and the MTL file and textures of its scene."""
+    if saving.scene is None:
+        text = _lines(b"v", saving.vertices) + _faces([saving.faces])
+        return {saving.target.name: text}, np.zeros(0)
+    complete = existing_completed(saving)
+    return _encode_scene(saving.target, saving.vertices, saving.scene, complete.moved), np.zeros(0)
 
 
 def encode_groups(
@@ -40,7 +45,7 @@ def encode_groups(
     return b"".join(text)
 
 
-def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
+def _encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
     """Return the files of a scene, by name: the OBJ file `target`, its MTL file and its textures.
 
     `vertices` (V, 3) are the positions of the mesh, and `moved` are the scene's primitives with moved normals.
@@ -72,7 +77,7 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
         body.append(_faces(columns))
-    head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
+    head = f"mtllib {companions.add_library(library.text.encode())}\n".encode() if library.text else b""
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
     return {target.name: head + _lines(b"v", positions) + b"".join(body), **companions.files}
@@ -99,9 +104,9 @@ class Companions:
         self.files[name] = data
         return name
 
-    def add_library(self, text: str) -> str:
+    def add_library(self, text: bytes) -> str:
         """Add the MTL file and return its name."""
-        return self.add(f"{self._target.stem}.mtl", text.encode())
+        return self.add(f"{self._target.stem}.mtl", text)
 
     def _is_free(self, name: str, data: bytes) -> bool:
         if name == self._target.name:
@@ -123,8 +128,8 @@ def _own_files(target: Path) -> set[str]:
             name = decoded(library).strip()
             if mine.fullmatch(name) and name.endswith(".mtl"):
                 found.add(name)
-                lines = decoded(read_regular(target.with_name(name))).splitlines()
-                found |= {each for each in map(picture_name, lines) if mine.fullmatch(each)}
+                lines = read_regular(target.with_name(name)).splitlines()
+                found |= {each for line in lines if mine.fullmatch(each := decoded(picture_name(line)))}
     except (OSError, ValueError):
         pass
     return {name for name in found if "/" not in name and "\\" not in name}
