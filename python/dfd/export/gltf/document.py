@@ -86,10 +86,13 @@ class GltfDocument(GltfPatch):
         index = int(primitive["attributes"]["POSITION"])
         accessor, before = self.header["accessors"][index], self.source.header["accessors"][index]
         packed = "bufferView" not in before
+        if not packed:
+            self.place_all(index)
         if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= LIMITS.keys()):
             values = self.values(node, number, "POSITION")
             assert values is not None
-            accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in LIMITS.items()}
+            stored = np.where(np.isfinite(values), values, 0).astype("<f4")
+            accessor |= {name: limit(stored, axis=0).tolist() for name, limit in LIMITS.items()}
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute, (rows, components), of a primitive in the original file; None if it is missing."""

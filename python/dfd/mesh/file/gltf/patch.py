@@ -191,22 +191,28 @@ class GltfPatch(GltfBuilder):
         primitive["mode"] = 4
         self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
 
+    def place_all(self, index: int) -> None:
+        """Give a position to the items of an accessor that lack one: vertices that no face uses."""
+        values = self.source.accessor(index)
+        if not np.isfinite(values).all():
+            self._fill(index, np.where(np.isfinite(values), values, 0))
+
     def _fill(self, index: int, values: NDArray[Any], component: int | None = None) -> None:
-        """Store `values` as the data of an accessor that has no data."""
+        """Store `values` as the data of an accessor."""
         accessor = self.header["accessors"][index]
         component = component or int(accessor["componentType"])
         dtype = np.dtype(COMPONENT_TYPES[component])
         if accessor.get("normalized") and dtype.kind in "iu":
             values = np.rint(values * np.iinfo(dtype).max)
+        for name in ("byteOffset", "sparse"):
+            accessor.pop(name, None)
         accessor |= {"componentType": component, "count": len(values)}
         accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
 
     def encode(self, *, binary: bool) -> bytes:
         """Return the file, as GLB or as glTF with embedded data."""
         for (_, name, old), (rows, users) in self._moved.items():
-            before = self.source.accessor(old)
-            if not np.isfinite(before).all():  # vertices that no face uses may lack a position
-                self._fill(old, np.where(np.isfinite(before), before, 0))
+            self.place_all(old)
             stored = np.where(np.isfinite(rows), rows, 0).astype("<f4")
             index = self.accessor(stored, attribute=True, bounds=name == "POSITION")
             for attributes in users:
