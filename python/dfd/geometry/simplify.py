@@ -5,9 +5,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common import check
+from dfd.geometry.normalization import normalization
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normalization import normalization
 from dfd.mesh.normals import face_normals
 
 

@@ -36,23 +36,3 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
     # The normals of two faces with opposite winding cancel. Rounding would then leave a random direction.
     known = length > 1e-9 * weight
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
-
-
-def updated_normals(normals: Float32, before: Float64, after: Float64, faces: Int32) -> Float32:
-    """Return `smooth_normals(after, faces)`, computed only around moved vertices.
-
-    `normals` (V, 3) are the normals at the positions `before` (V, 3).
-    """
-    moved = (after != before).any(axis=1)
-    turned = np.zeros(len(moved), bool)
-    first, second, third = faces.T
-    turned[faces[moved[first] | moved[second] | moved[third]]] = True
-    if 3 * np.count_nonzero(turned) > len(turned):
-        return smooth_normals(after, faces)
-    around = faces[turned[first] | turned[second] | turned[third]]
-    used = np.bincount(around.ravel(), minlength=len(moved)) > 0
-    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    updated = normals.copy()
-    if len(around):
-        updated[turned] = smooth_normals(after[used], number[around])[turned[used]]
-    return updated

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import io
 import os
 import stat
-import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import unquote
 
-import numpy as np
-
 from dfd.common.errors import ArgumentError
+from dfd.common.images import as_texels, read_image
 from dfd.common.linear_algebra import UInt8
+from dfd.common.text import shortened
 
-if TYPE_CHECKING:
-    from PIL import Image
-
-_T = TypeVar("_T")
 _LFS = b"version https://git-lfs"
 _DISGUISES = {  # by the first bytes of a file
     _LFS: "a Git LFS pointer, which `git lfs pull` replaces by the file",
@@ -88,63 +80,14 @@ class AssetFolder:
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._texels:
-            width, height = _read_image(data, lambda image: image.size)
+            width, height = read_image(data, lambda image: image.size)
             if width * height > self._texels_left:
                 raise ValueError(
                     f"an image of {width} × {height} texels exceeds the limit of {MOST_TEXELS} texels in all images"
                 )
             self._texels_left -= width * height
-            self._texels[key] = _read_image(data, as_texels)
+            self._texels[key] = read_image(data, as_texels)
         return self._texels[key]
-
-
-def image_format(data: bytes) -> str:
-    """Return the format of an image in lower case; raise ValueError if `data` is not an image."""
-
-    def verified(image: Image.Image) -> str:
-        image.verify()
-        return (image.format or "png").lower()
-
-    return _read_image(data, verified)
-
-
-def as_texels(image: Image.Image) -> UInt8:
-    """Return a Pillow image as RGBA texels (rows, columns, 4). Gray images of 16 or 32 bits are scaled to 8 bits."""
-    from PIL import Image
-
-    if image.mode in ("I", "F") or image.mode.startswith("I;16"):  # Pillow's own conversion would clip these to white
-        white = 1.0 if image.mode == "F" else 65535.0
-        gray = np.nan_to_num(np.asarray(image, np.float64) / white).clip(0, 1)
-        image = Image.fromarray(np.rint(gray * 255).astype(np.uint8))
-    return np.asarray(image.convert("RGBA"), np.uint8)
-
-
-def as_image(texels: UInt8) -> Image.Image:
-    """Return texels (rows, columns, 4) as a Pillow image, without the alpha channel if all texels are opaque."""
-    from PIL import Image
-
-    opaque = bool((texels[..., 3] == 255).all())
-    return Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels)
-
-
-def as_png(texels: UInt8) -> bytes:
-    """Return texels (rows, columns, 4) as the bytes of a PNG file."""
-    stream = io.BytesIO()
-    as_image(texels).save(stream, "PNG")
-    return stream.getvalue()
-
-
-def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
-    """Open an image file with Pillow, and return the result of `use(image)`."""
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns about its own size limit; here MOST_TEXELS applies
-            with Image.open(io.BytesIO(data)) as image:
-                return use(image)
-    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more for damaged images
-        raise ValueError(f"it is not a readable image ({type(error).__name__})") from error
 
 
 def read_regular(path: Path) -> bytes:
@@ -173,11 +116,3 @@ def disguise(data: bytes, ending: str) -> str | None:
             return what
     other = next((each for mark, each in _MESHES.items() if start.startswith(mark)), ending)
     return None if {ending, other} in ({ending}, {".glb", ".gltf"}) else f"content of the format {other[1:].upper()}"
-
-
-def shortened(value: object) -> str:
-    """Return the `repr` of a value from a file for an error message, cut to about 60 characters."""
-    text = repr(value)
-    if isinstance(value, str) and value.startswith("data:"):
-        return f"a data URI of {len(value)} characters"
-    return text if len(text) <= 60 else f"{text[:50]}… ({len(text)} characters)"

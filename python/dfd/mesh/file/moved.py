@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, group_sums, unit
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, group_sums, nearest_rotations, unit
+from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.edits import SAME
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.normals import face_normals
-from dfd.mesh.weld import weld
 
 _FLAT = 1e-6  # a transform that loses more of a position than this fraction of the shape's size cannot hold the edit
-_POLAR_STEPS = 12  # Newton's iteration for the polar decomposition converges quadratically
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +173,7 @@ def _turned(normals: Float64, vertices: Float64, before: Float64, faces: Int32, 
     for corner in group.T:
         sign = np.where(np.einsum("fi,fi->f", side[corner], old) < 0, -1.0, 1.0)[:, None]
         sums += group_sums(corner, np.hstack([gradient.reshape(-1, 9), sign * old, sign * new]), count + 1)
-    turn = _rotations(sums[:count, :9].reshape(-1, 3, 3))
+    turn = nearest_rotations(sums[:count, :9].reshape(-1, 3, 3))
     turned = np.einsum("gij,gj->gi", turn, normals)
     start, end = unit(np.einsum("gij,gj->gi", turn, sums[:count, 9:12])), unit(sums[:count, 12:])
     cosine = np.einsum("gi,gi->g", start, end)[:, None]
@@ -183,17 +182,3 @@ def _turned(normals: Float64, vertices: Float64, before: Float64, faces: Int32, 
     closer = turned - middle * along + 2 * end * np.einsum("gi,gi->g", start, turned)[:, None]
     known = (cosine > -0.99) & start.any(axis=1, keepdims=True) & end.any(axis=1, keepdims=True)
     return np.where(known, closer, turned)
-
-
-def _rotations(matrices: Float64) -> Float64:
-    """Return the rotations (G, 3, 3) nearest to matrices with a positive determinant; the identity for all others.
-
-    The method: Higham, "Computing the Polar Decomposition", 1986.
-    """
-    found = unit(matrices.reshape(-1, 9)).reshape(-1, 3, 3)
-    regular = np.linalg.det(found) > 1e-6
-    found[~regular] = np.eye(3)
-    for _ in range(_POLAR_STEPS):
-        cofactors = np.cross(found[:, [1, 2, 0]], found[:, [2, 0, 1]])
-        found = (found + cofactors / np.einsum("gi,gi->g", found[:, 0], cofactors[:, 0])[:, None, None]) / 2
-    return found

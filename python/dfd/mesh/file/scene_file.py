@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
+from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place
-from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:
     from dfd.mesh.file.gltf.data import GltfData
@@ -99,7 +99,7 @@ class SceneFile:
             representative[known] = known[first[distinct]]
             vertex = representative[numbers]
         else:
-            finite: Bool = np.isfinite(positions).all(axis=1)
+            finite: Bool = np.logical_and.reduce(np.isfinite(positions), axis=1)
             finite[primitives[-1].rows.stop :] = False
             first, distinct = weld(positions[finite])
             of_known = np.zeros(len(finite), np.int64)

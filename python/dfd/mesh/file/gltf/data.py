@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.common.text import shortened
+from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
     COMPONENTS,

@@ -13,7 +13,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Any, TypeGuard, cast
 
-from dfd.mesh.file.assets import shortened
+from dfd.common.text import shortened
 
 Header = dict[str, Any]
 

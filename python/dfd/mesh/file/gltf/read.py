@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64, unit
+from dfd.common.text import shortened
+from dfd.common.weld import weld
 from dfd.mesh.appearance import rgba, srgb
-from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (
     MODES_READ,
@@ -29,7 +31,6 @@ from dfd.mesh.file.gltf.header import (
 from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
 INSTANCING, _VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.mesh.file.assets import shortened
-from dfd.mesh.file.edits import decoded, encoding_of, numbers, readable_numbers
+from dfd.common.text import decoded, encoding_of, numbers, readable_numbers, shortened
 
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")

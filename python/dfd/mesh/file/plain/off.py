@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.linear_algebra import Float64
-from dfd.mesh.file.assets import AssetFolder, shortened
-from dfd.mesh.file.edits import Edits, decoded, rows_as_text
+from dfd.common.polygons import triangulate
+from dfd.common.text import decoded, shortened
+from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.moved import Saving
-from dfd.mesh.file.polygons import check_corners, triangulate
+from dfd.mesh.file.polygons import check_corners
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 

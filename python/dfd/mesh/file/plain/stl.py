@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, unit
+from dfd.common.text import decoded, number
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.edits import SAME, Edits, decoded, number, rounding, rows_as_text
+from dfd.mesh.file.edits import SAME, Edits, rounding, rows_as_text
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import FileSource, SceneFile
