@@ -9,9 +9,12 @@ import json
 import struct
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
-from typing import Any, TypeGuard, cast
+from typing import Any, NamedTuple, TypeGuard, cast
+
+import numpy as np
 
 from dfd.common.text import shortened
 
@@ -45,8 +48,41 @@ _MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; `_MOST_OVERLAP` is checked only above this total length
 
 
-def read(data: bytes) -> tuple[Header, dict[int, bytes]]:
-    """Return the header of a glTF or GLB file, and the other chunks of a GLB file by their kinds.
+@dataclass(frozen=True)
+class View:
+    """A checked entry of `bufferViews`."""
+
+    buffer: int
+    start: int  # first byte in the buffer
+    length: int  # bytes, after decompression
+    packed: tuple[str, Header] | None  # the name and content of an extension that compresses the view
+
+
+@dataclass(frozen=True)
+class Accessor:
+    """A checked entry of `accessors`."""
+
+    count: int
+    dtype: np.dtype[Any]  # of a component
+    width: int  # number of components
+    view: int | None  # None if the accessor has no data
+    start: int  # first byte in the view
+    stride: int  # bytes from one item to the next
+    normalized: bool
+    sparse: Any  # checked when it is read
+
+
+class Contents(NamedTuple):
+    """What the bytes of a glTF file hold."""
+
+    header: Header
+    chunks: dict[int, bytes]  # the chunks of a GLB file after the JSON text, by their kinds
+    views: list[View]
+    accessors: list[Accessor]
+
+
+def read(data: bytes) -> Contents:
+    """Return the checked contents of a glTF or GLB file.
 
     Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
@@ -59,11 +95,11 @@ def read(data: bytes) -> tuple[Header, dict[int, bytes]]:
         objects(header, name)
     _check_version(header)
     _check_extensions(header)
-    _check_views(header, data.startswith(_MAGIC))
-    _check_accessors(header)
+    views = _views(header, data.startswith(_MAGIC))
+    accessors = _accessors(header, views)
     _check_primitives(header)
     _check_nodes(header)
-    return header, chunks
+    return Contents(header, chunks, views, accessors)
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
@@ -191,32 +227,33 @@ def _check_extensions(header: Header) -> None:
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 
 
-def _check_views(header: Header, glb: bool) -> None:
+def _views(header: Header, glb: bool) -> list[View]:
     for i, buffer in enumerate(objects(header, "buffers")):
         fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
         if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
             raise ValueError(f"buffer {i} has no URI")
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
-    total = 0
+    views = []
     for i, view in enumerate(objects(header, "bufferViews")):
-        size = lengths[reference(header, view, "buffer", f"bufferView {i}")]
-        length = whole(view, "byteLength", f"bufferView {i}")
-        for name in MESHOPT:
-            if (packed := extension(view, name)) is not None:
-                reference(header, packed, "buffer", f"bufferView {i}")
-        end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
-        if end > size:
-            raise ValueError(f"bufferView {i} ends at byte {end}, but its buffer has {size} bytes")
-        total += length
+        buffer = reference(header, view, "buffer", f"bufferView {i}")
+        start, length = whole(view, "byteOffset", f"bufferView {i}", 0), whole(view, "byteLength", f"bufferView {i}")
+        packed = [(name, found) for name in MESHOPT if (found := extension(view, name)) is not None]
+        for _, found in packed:
+            reference(header, found, "buffer", f"bufferView {i}")
+        if start + length > lengths[buffer]:
+            end = f"bufferView {i} ends at byte {start + length}"
+            raise ValueError(f"{end}, but its buffer has {lengths[buffer]} bytes")
+        views.append(View(buffer, start, length, next(iter(packed), None)))
+    total = sum(view.length for view in views)
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews cover {total} bytes in total, but its buffers have {sum(lengths)}")
+    return views
 
 
-def _check_accessors(header: Header) -> None:
-    views = objects(header, "bufferViews")
+def _accessors(header: Header, views: list[View]) -> list[Accessor]:
     if views and "accessors" not in header:
         raise ValueError("it has data, but no accessors and so no faces")
-    total, longest, unfilled = 0, 0, []
+    total, longest, found = 0, 0, list[Accessor]()
     for i, accessor in enumerate(objects(header, "accessors")):
         count = whole(accessor, "count", f"accessor {i}")
         component, kind = accessor.get("componentType"), accessor.get("type")
@@ -224,26 +261,28 @@ def _check_accessors(header: Header) -> None:
             raise ValueError(f"accessor {i} has the unknown componentType {shortened(component)}")
         if not isinstance(kind, str) or kind not in COMPONENTS:
             raise ValueError(f"accessor {i} has the unknown type {shortened(kind)}")
-        size = int(COMPONENT_TYPES[component][-1]) * COMPONENTS[kind]
+        dtype, width = np.dtype(COMPONENT_TYPES[component]), COMPONENTS[kind]
+        size, normalized, sparse = dtype.itemsize * width, bool(accessor.get("normalized")), accessor.get("sparse")
         if "bufferView" not in accessor:
-            unfilled.append((i, count))
+            found.append(Accessor(count, dtype, width, None, 0, size, normalized, sparse))
             continue
         view = reference(header, accessor, "bufferView", f"accessor {i}")
-        stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
+        owner = header["bufferViews"][view]
+        stride = whole(owner, "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
         if stride < _LEAST_STRIDE:
             raise ValueError(f"bufferView {view} has the byteStride {stride}; glTF permits 4 to 252 bytes")
         if stride < size:
             raise ValueError(
                 f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )
-        stride = stride if "byteStride" in views[view] else size
-        end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
-        end += (count - 1) * stride + size if count else 0
-        if end > views[view]["byteLength"]:
-            size = views[view]["byteLength"]
-            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {size} bytes")
+        stride = stride if "byteStride" in owner else size
+        start = whole(accessor, "byteOffset", f"accessor {i}", default=0)
+        end, stored = start + ((count - 1) * stride + size if count else 0), views[view].length
+        if end > stored:
+            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {stored} bytes")
+        found.append(Accessor(count, dtype, width, view, start, stride, normalized, sparse))
         total, longest = total + count * size, max(longest, count)
-    stored = sum(view["byteLength"] for view in views)
+    stored = sum(view.length for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
         raise ValueError(f"its accessors cover {total} bytes in total, but its bufferViews have {stored}")
     packed: set[object] = set()  # accessors whose data is in a Draco stream
@@ -251,9 +290,10 @@ def _check_accessors(header: Header) -> None:
         attributes = primitive.get("attributes")
         if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
             packed.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
-    for i, count in unfilled:
-        if count > max(longest, _MOST_ZEROS) and i not in packed:
-            raise ValueError(f"accessor {i} has {count} items but no data")
+    for i, each in enumerate(found):
+        if each.view is None and each.count > max(longest, _MOST_ZEROS) and i not in packed:
+            raise ValueError(f"accessor {i} has {each.count} items but no data")
+    return found
 
 
 def _check_primitives(header: Header) -> None:
