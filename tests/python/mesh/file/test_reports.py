@@ -96,6 +96,7 @@ def test_normals_that_are_no_numbers_are_missing_and_their_text_stays(number: st
         "a.obj": f"{vertices}vn 0 0 1\nvn {three}\n{corners}",
         "a.ply": head + "".join(rows) + faces,
         "a.stl": stl_text(three),
+        "a.off": "\n".join(["NOFF", "8 12 0", *map(str.strip, rows), faces]),
     }
     for name, text in files.items():
         mesh = load(write(tmp_path / name, text))

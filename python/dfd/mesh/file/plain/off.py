@@ -10,7 +10,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64
 from dfd.common.polygons import triangulate
-from dfd.common.text import decoded, shortened
+from dfd.common.text import decoded, numbers, readable_numbers, shortened
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.moved import Saving
@@ -18,6 +18,7 @@ from dfd.mesh.file.polygons import check_corners
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 
+_ROW = re.compile(rb"\s*(\S+\s+\S+\s+\S+)(?:\s+(\S+\s+\S+\s+\S+))?")  # position and normal of a vertex
 _LINE = re.compile(rb"(?<![^\r\n])[^\r\n#]+")  # a line without its comment
 
 
@@ -30,6 +31,7 @@ def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFi
 
 
 def _geometry(data: bytes) -> Geometry:
+    data = readable_numbers(data)
     lines = [decoded(line[0]) for line in _lines(data)]
     if not lines:
         raise ValueError("it has only comments")
@@ -48,15 +50,12 @@ def _geometry(data: bytes) -> Geometry:
             f"it should have {vertex_count} vertices and {face_count} faces, but has only {len(rest)} lines for them"
         )
     width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # NOFF: a normal follows the position
-    vertices = np.empty((vertex_count, width))
-    for number, line in enumerate(rest[:vertex_count]):
-        words = line.split(None, width)[:width]
-        try:
-            if len(words) < width:  # NumPy would repeat a single number
-                raise ValueError
-            vertices[number] = words
-        except ValueError:
-            raise ValueError(f"vertex {number} has the coordinates {shortened(' '.join(words))}") from None
+    rows = [" ".join(line.split(None, width)[:width]) for line in rest[:vertex_count]]
+    found = numbers(" ".join(rows).encode(), np.float64, vertex_count * width)
+    if found is None:
+        wrong = next(i for i, row in enumerate(rows) if numbers(row.encode(), np.float64, width) is None)
+        raise ValueError(f"vertex {wrong} has the coordinates {shortened(rows[wrong])}")
+    vertices = found.reshape(-1, width)
     sizes, corners = np.empty(face_count, np.int64), []
     for number, line in enumerate(rest[vertex_count : vertex_count + face_count]):
         words = line.split()
@@ -68,13 +67,13 @@ def _geometry(data: bytes) -> Geometry:
         sizes[number] = size
         corners += words[1 : size + 1]
     try:
-        numbers = np.array(list(map(int, corners)), np.int64)
+        indices = np.array(list(map(int, corners)), np.int64)
     except (ValueError, OverflowError):
-        wrong = next(word for word in corners if not re.fullmatch(r"[-+]?\d{1,18}", word))
-        raise ValueError(f"a face names the vertex {shortened(wrong)}") from None
-    check_corners(numbers, vertex_count)
+        word = next(word for word in corners if not re.fullmatch(r"[-+]?\d{1,18}", word))
+        raise ValueError(f"a face names the vertex {shortened(word)}") from None
+    check_corners(indices, vertex_count)
     positions = vertices[:, :3].copy()
-    faces = numbers[triangulate(positions, numbers, sizes)]
+    faces = indices[triangulate(positions, indices, sizes)]
     return Geometry(positions, faces, vertices[:, 3:] if width > 3 else None)
 
 
@@ -86,18 +85,15 @@ def _lines(data: bytes) -> list[re.Match[bytes]]:
 def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
     """Return an OFF file, in which the positions and normals of `saving` replace those of its source."""
     data = saving.source.data.tobytes()
-    lines = _lines(data)
+    lines = _lines(readable_numbers(data))
     lines = lines[1 if len(lines[0][0].split()) > 1 else 2 :]  # the keyword may have a line of its own
     old = _geometry(data)
-    (written, normals), before = saving.of_vertices(), old.vertices
-    if old.normals is not None:
-        written, before = np.hstack([written, normals]), np.hstack([before, old.normals])
-    pattern = re.compile(rb"\s*(" + rb"\s+".join([rb"\S+"] * written.shape[1]) + rb")")
-    written = np.where(np.isnan(written), before, written)
-    rows = np.flatnonzero(~((written == before) | np.isnan(before) & np.isnan(written)).all(axis=1))
-    found = [pattern.match(data, *lines[row].span()) for row in rows]
     edits = Edits(data)
-    edits.replace([each.span(1) for each in found if each], rows_as_text(written[rows]))
+    for group, new, before in zip((1, 2), saving.of_vertices(), (old.vertices, old.normals), strict=True):
+        if before is not None:
+            rows = np.flatnonzero(((new != before) & ~np.isnan(new)).any(axis=1))
+            found = [_ROW.match(data, *lines[row].span()) for row in rows]
+            edits.replace([each.span(group) for each in found if each], rows_as_text(new[rows]))
     return {saving.target.name: edits.result()}, np.zeros(0)
 
 
