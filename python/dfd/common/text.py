@@ -1,7 +1,9 @@
-"""Text in files of other programs: its encoding, numbers, and excerpts for error messages."""
+"""Text in files of other programs: its encoding, numbers, unique names, and excerpts for error messages."""
 
 import re
 import warnings
+from collections import defaultdict
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -57,3 +59,19 @@ def shortened(value: object) -> str:
     if isinstance(value, str) and value.startswith("data:"):
         return f"a data URI of {len(value)} characters"
     return text if len(text) <= 60 else f"{text[:50]}… ({len(text)} characters)"
+
+
+class UniqueNames:
+    """Makes names unique: a repeated name gets a number as its suffix, starting from `first`."""
+
+    def __init__(self, first: int = 1) -> None:
+        self._taken: set[str] = set()
+        self._numbers: dict[str, count[int]] = defaultdict(lambda: count(first))
+
+    def unique(self, name: str) -> str:
+        """Return `name`, with a number appended if an earlier call has returned `name`."""
+        found = name
+        while found in self._taken:
+            found = f"{name}_{next(self._numbers[name])}"
+        self._taken.add(found)
+        return found

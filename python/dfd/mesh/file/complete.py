@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64, group_sums, unit
+from dfd.common.normals import face_normals, split_sheets
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance, Primitive, place
-from dfd.mesh.normals import face_normals
 
-_OPPOSITE = -0.99  # cosine below which two faces at a vertex are the sides of a sheet
 _LEAST = 0.1  # smallest cosine between a smooth normal and the normal of the vertex's own faces
 
 
@@ -41,32 +40,12 @@ def all_completed(saving: Saving) -> tuple[list[Primitive], Int64]:
             own, faces = faces.ravel(), np.arange(faces.size).reshape(-1, 3)
         if each.normals is None:
             normals = face_normals(vertices, saving.faces[each.faces])
-            sources, faces = _split_sheets(faces, normals, len(own))
+            sources, faces = split_sheets(faces, normals, len(own))
             own = own[sources]
         taken = each if faces is each.geometry.faces else _taken(each, own, faces)
         result.append(_with_normals(taken, saving, vertex[own]))
         rows.append(vertex[own].astype(np.int64))
     return result, np.concatenate(rows)
-
-
-def _split_sheets(faces: Int64, normals: Float64, count: int) -> tuple[Int64, Int64]:
-    """Return the source (R,) of each of R rows, and the faces (F, 3): both sides of a sheet get rows of their own.
-
-    `faces` (F, 3) have the `normals` (F, 3), and refer to `count` rows.
-    """
-    up = unit(normals)
-    front = np.zeros((count, 3))
-    front[faces[::-1].T] = up[::-1]
-    cosine = np.einsum("fci,fi->fc", front[faces], up)
-    sheets = np.zeros(count, bool)
-    sheets[faces[cosine < _OPPOSITE]] = True
-    back = sheets[faces] & (cosine < 0)
-    if not back.any():
-        return np.arange(count), faces
-    doubled, number = np.unique(faces[back], return_inverse=True)
-    split = faces.copy()
-    split[back] = count + number
-    return np.concatenate([np.arange(count), doubled]), split
 
 
 def _taken(each: Primitive, rows: Int64, faces: Int64) -> Primitive:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, group_sums, nearest_rotations, unit
+from dfd.common.edits import SAME
+from dfd.common.linear_algebra import Bool, Float64, Int32
+from dfd.common.normals import turned_normals
 from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file.edits import SAME
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 from dfd.mesh.file.scene_file import FileSource, SceneFile
-from dfd.mesh.normals import face_normals
 
 _FLAT = 1e-6  # a transform that loses more of a position than this fraction of the shape's size cannot hold the edit
 
@@ -134,7 +134,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     around = touched[corners].any(axis=1)  # the faces at groups whose surface moves
     number = np.where(touched, np.cumsum(touched) - 1, np.count_nonzero(touched))
     new = old[first]
-    new[touched] = _turned(new[touched], vertices, before, scene.faces[around], number[corners[around]])
+    new[touched] = turned_normals(new[touched], vertices, before, scene.faces[around], number[corners[around]])
     stale = np.abs(new - old[first]).max(axis=1) > SAME
     result: list[Float64 | None] = []
     for each, normals in zip(scene.primitives, own, strict=True):
@@ -148,37 +148,3 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
 
 def _finite(normals: Float64) -> Float64:
     return np.where(np.isfinite(normals).all(axis=1, keepdims=True), normals, 0.0)
-
-
-def _turned(normals: Float64, vertices: Float64, before: Float64, faces: Int32, group: Int64) -> Float64:
-    """Return unit normals (G, 3) after the surface around them moves from `before` (V, 3) to `vertices` (V, 3).
-
-    `group` (F, 3) is the index of each face corner's normal; corners with the index G have none. A normal turns by the
-    rotation nearest to the mean deformation gradient of its faces, and then as the mean normal of its faces does.
-    """
-    count = len(normals)
-    old, new = face_normals(before, faces), face_normals(vertices, faces)
-    kept = old.any(axis=1) & new.any(axis=1)
-    faces, group, old, new = faces[kept], group[kept], old[kept], new[kept]
-    area = np.linalg.norm(old, axis=1, keepdims=True)
-    side = np.zeros((count + 1, 3))
-    side[group[::-1].T] = old[::-1]  # the normal of the first face; on two-sided sheets, others are opposite
-    first, second, third = before[faces].transpose(1, 0, 2)
-    to_first, to_second, to_third = vertices[faces].transpose(1, 0, 2)
-    a, b, up = second - first, third - first, old / area
-    gradient = np.einsum("fi,fj->fij", to_second - to_first, np.cross(b, up))
-    gradient += np.einsum("fi,fj->fij", to_third - to_first, np.cross(up, a))
-    gradient += np.einsum("fi,fj->fij", unit(new), old)
-    sums = np.zeros((count + 1, 15))
-    for corner in group.T:
-        sign = np.where(np.einsum("fi,fi->f", side[corner], old) < 0, -1.0, 1.0)[:, None]
-        sums += group_sums(corner, np.hstack([gradient.reshape(-1, 9), sign * old, sign * new]), count + 1)
-    turn = nearest_rotations(sums[:count, :9].reshape(-1, 3, 3))
-    turned = np.einsum("gij,gj->gi", turn, normals)
-    start, end = unit(np.einsum("gij,gj->gi", turn, sums[:count, 9:12])), unit(sums[:count, 12:])
-    cosine = np.einsum("gi,gi->g", start, end)[:, None]
-    middle = start + end
-    along = np.einsum("gi,gi->g", middle, turned)[:, None] / np.where(cosine > -0.99, 1 + cosine, 1)
-    closer = turned - middle * along + 2 * end * np.einsum("gi,gi->g", start, turned)[:, None]
-    known = (cosine > -0.99) & start.any(axis=1, keepdims=True) & end.any(axis=1, keepdims=True)
-    return np.where(known, closer, turned)

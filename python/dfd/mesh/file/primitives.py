@@ -1,10 +1,8 @@
 """Triangle geometries, each with a single material, and their instances in a scene."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -145,19 +143,3 @@ def require_finite(vertices: Float64, faces: NDArray[np.integer], owner: str = "
 def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
     """Multiply vectors (N, 3) by `linear`: one matrix (3, 3), or one matrix for each vector, (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
-
-
-class UniqueNames:
-    """Makes names unique: a repeated name gets a number as its suffix, starting from `first`."""
-
-    def __init__(self, first: int = 1) -> None:
-        self._taken: set[str] = set()
-        self._numbers: dict[str, count[int]] = defaultdict(lambda: count(first))
-
-    def unique(self, name: str) -> str:
-        """Return `name`, with a number appended if an earlier call has returned `name`."""
-        found = name
-        while found in self._taken:
-            found = f"{name}_{next(self._numbers[name])}"
-        self._taken.add(found)
-        return found

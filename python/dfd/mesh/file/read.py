@@ -5,8 +5,10 @@ import os
 from pathlib import Path
 
 from dfd.common import check
+from dfd.common.disguise import disguise
 from dfd.common.errors import ArgumentError, one_line
-from dfd.mesh.file.assets import AssetFolder, disguise, read_regular
+from dfd.common.files import read_regular
+from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.formats import FORMATS
 from dfd.mesh.file.scene_file import SceneFile
 

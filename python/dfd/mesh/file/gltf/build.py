@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.colors import linear
+from dfd.common.edits import far_origin
 from dfd.common.images import as_png
 from dfd.common.linear_algebra import Float64, Int64, UInt8
-from dfd.mesh.appearance import Material, Wrap, linear
+from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.file.complete import all_completed
-from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.moved import Saving

@@ -235,15 +235,15 @@ def _views(header: Header, glb: bool) -> list[View]:
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     views = []
     for i, view in enumerate(objects(header, "bufferViews")):
-        buffer = reference(header, view, "buffer", f"bufferView {i}")
+        number = reference(header, view, "buffer", f"bufferView {i}")
         start, length = whole(view, "byteOffset", f"bufferView {i}", 0), whole(view, "byteLength", f"bufferView {i}")
         packed = [(name, found) for name in MESHOPT if (found := extension(view, name)) is not None]
         for _, found in packed:
             reference(header, found, "buffer", f"bufferView {i}")
-        if start + length > lengths[buffer]:
+        if start + length > lengths[number]:
             end = f"bufferView {i} ends at byte {start + length}"
-            raise ValueError(f"{end}, but its buffer has {lengths[buffer]} bytes")
-        views.append(View(buffer, start, length, next(iter(packed), None)))
+            raise ValueError(f"{end}, but its buffer has {lengths[number]} bytes")
+        views.append(View(number, start, length, next(iter(packed), None)))
     total = sum(view.length for view in views)
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews cover {total} bytes in total, but its buffers have {sum(lengths)}")

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.edits import far_origin, rounding
 from dfd.common.errors import ArgumentError
 from dfd.common.images import image_format
 from dfd.common.linear_algebra import Float64
-from dfd.mesh.file.edits import far_origin, rounding
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (

@@ -11,10 +11,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.colors import rgba, srgb
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.common.text import shortened
+from dfd.common.text import UniqueNames, shortened
 from dfd.common.weld import weld
-from dfd.mesh.appearance import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (
@@ -29,7 +29,7 @@ from dfd.mesh.file.gltf.header import (
     parents,
 )
 from dfd.mesh.file.gltf.materials import Surface, read_surface
-from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 
 _STRIP, _FAN = 5, 6

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from dfd.common.colors import rgba
 from dfd.common.linear_algebra import Float64, Int32, Int64
-from dfd.common.polygons import distinct_rows, ranges, triangulate
+from dfd.common.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.common.text import decoded, encoding_of
 from dfd.common.weld import first_occurrences
-from dfd.mesh.appearance import WHITE, Material, rgba
+from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, parse
-from dfd.mesh.file.polygons import long_faces
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 

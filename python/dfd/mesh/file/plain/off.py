@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dfd.common.edits import Edits, rows_as_text
 from dfd.common.linear_algebra import Float64
-from dfd.common.polygons import triangulate
+from dfd.common.polygons import check_corners, triangulate
 from dfd.common.text import decoded, numbers, readable_numbers, shortened
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.moved import Saving
-from dfd.mesh.file.polygons import check_corners
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 
@@ -51,11 +50,11 @@ def _geometry(data: bytes) -> Geometry:
         )
     width = 6 if "N" in kind[:-3] and not {"4", "n"}.intersection(kind) else 3  # NOFF: a normal follows the position
     rows = [" ".join(line.split(None, width)[:width]) for line in rest[:vertex_count]]
-    found = numbers(" ".join(rows).encode(), np.float64, vertex_count * width)
-    if found is None:
+    values = numbers(" ".join(rows).encode(), np.float64, vertex_count * width)
+    if values is None:
         wrong = next(i for i, row in enumerate(rows) if numbers(row.encode(), np.float64, width) is None)
         raise ValueError(f"vertex {wrong} has the coordinates {shortened(rows[wrong])}")
-    vertices = found.reshape(-1, width)
+    vertices = values.reshape(-1, width)
     sizes, corners = np.empty(face_count, np.int64), []
     for number, line in enumerate(rest[vertex_count : vertex_count + face_count]):
         words = line.split()
