@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common import check
-from dfd.common.linear_algebra import Float64, Int64
+from dfd.common.linear_algebra import Bool, Float64, Int64
 
 # A corner between the edges a and b of a polygon is reflex if n · (a × b) < −2 · _REFLEX · A. Here, n is the polygon's
 # unit normal, and A is its area.

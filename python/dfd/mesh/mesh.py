@@ -187,7 +187,8 @@ class Mesh(ReadOnlyArrays):
 
         A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
         format can store them. Normals follow the moved surface. If the format is that of the source file, all other
-        data keep their values and number types. The file is written atomically.
+        data keep their values and number types. Without an edit, all bytes stay, except references to other files: in
+        another folder, materials are copied, and data of glTF files is embedded. The file is written atomically.
 
         Warns if rounding to 32-bit floats moves a vertex by more than 0.001 % of the bounding box's diagonal. Only STL
         files, and glTF meshes with a skin or morph targets, store such positions.
@@ -258,6 +259,7 @@ def load(
     Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
     a wrong type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
+    Vertices that no face uses may lack a position; in the mesh, they are at 0.
 
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
     has faces with fewer than three corners; the mesh omits these faces.
