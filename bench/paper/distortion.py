@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
+from dfd.common.normals import face_normals
 from dfd.geometry.topology import face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normals import face_normals
 
 FOLD = -0.5  # A face is folded if the cosines between its normal and its neighbors' normals sum to less than this.
 

@@ -22,7 +22,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.encoders.encode import Encoder
 from dfd.encoders.learned_file import encoder_identity
 from dfd.field.cache_key import FIELD_VERSION, hash_key
-from dfd.mesh.normalization import normalization
+from dfd.geometry.normalization import normalization
 from dfd.upright import probe_views
 from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE
 from dfd.upright.probe import FOLDER, UpProbe

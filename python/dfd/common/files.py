@@ -4,6 +4,7 @@ import errno
 import hashlib
 import os
 import secrets
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -107,3 +108,18 @@ def _temporary(target: Path) -> Path:
     path = target.with_name(f"{start}{secrets.token_hex(8)}{ending}")
     path.touch(exist_ok=False)
     return path
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the bytes of a regular file.
+
+    Raises OSError if `path` is a pipe or a device, without waiting for data. Raises OSError if the read fails.
+    """
+    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "it is not a file")
+    # O_NONBLOCK: if a pipe has replaced the file since the check, `open` does not wait for a writer
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    with os.fdopen(os.open(path, flags), "rb") as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "it is not a file")
+        return stream.read()

@@ -46,3 +46,17 @@ def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArr
     """
     axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
     return np.ascontiguousarray(axes[:count])
+
+
+def nearest_rotations(matrices: Float64) -> Float64:
+    """Return the rotations (G, 3, 3) nearest to matrices with a positive determinant; the identity for all others.
+
+    The method: Higham, "Computing the Polar Decomposition", 1986.
+    """
+    found = unit(matrices.reshape(-1, 9)).reshape(-1, 3, 3)
+    regular = np.linalg.det(found) > 1e-6
+    found[~regular] = np.eye(3)
+    for _ in range(12):  # Newton's iteration converges quadratically
+        cofactors = np.cross(found[:, [1, 2, 0]], found[:, [2, 0, 1]])
+        found = (found + cofactors / np.einsum("gi,gi->g", found[:, 0], cofactors[:, 0])[:, None, None]) / 2
+    return found

@@ -31,6 +31,13 @@ def load_runtime() -> None:
         raise ImportError(f"{reason}: install libgomp1 (Debian, Ubuntu) or libgomp (Fedora)") from error
 
 
+def use_one_thread() -> None:
+    """Limit the parallel loops of the calling thread to this thread, also those of a torch that is imported later."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # torch reads this when it is imported
+    if _is_loaded():
+        ctypes.CDLL(NAME).omp_set_num_threads(1)
+
+
 def find_torch_runtime() -> Path | None:
     """Return the path of torch's `libgomp.so.1` without importing torch; None if torch or the file is missing."""
     spec = importlib.util.find_spec("torch")
@@ -43,6 +50,8 @@ def find_torch_runtime() -> Path | None:
 
 
 def _is_loaded() -> bool:
+    if not hasattr(os, "RTLD_NOLOAD"):
+        return False
     try:
         ctypes.CDLL(NAME, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
     except OSError:

@@ -1,11 +1,12 @@
 """Set the number of threads of the C++ kernels, and run Python functions on the same number of threads.
 
 `dfd` imports this module before its kernels, so that the kernels and torch use the same OpenMP runtime. The runtime's
-threads do not survive a fork, so a forked process computes on one thread. Processes that the method "spawn" starts
-use all threads.
+threads do not survive a fork, so the kernels and torch compute on one thread in a forked process. Processes that the
+method "spawn" starts use all threads.
 """
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -89,6 +90,10 @@ def _after_fork() -> None:
     global _forked, _threads
     _forked = True
     _threads = 1
+    # torch's parallel loops would wait for threads that the fork has ended.
+    openmp.use_one_thread()
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
 
 
 openmp.load_runtime()

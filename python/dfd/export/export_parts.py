@@ -9,11 +9,11 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import write_file
-from dfd.common.linear_algebra import Int64
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, item, objects
 from dfd.mesh.file.gltf.read import triangles
-from dfd.mesh.file.obj.write import encode_groups
+from dfd.mesh.file.obj.write import text_faces, text_lines
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 from dfd.segmentation.parts import Part
@@ -41,12 +41,26 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
         appearance = mesh.appearance
         uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
-        write_file(target, encode_groups(mesh.vertices, mesh.faces, uv, groups))
+        write_file(target, _grouped(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
         for node, primitives in document.parts().items():
             _split(document, node, primitives, of_vertex)
         document.write(target)
+
+
+def _grouped(
+    vertices: Float64, faces: Int32, uv: tuple[Float32, Int32] | None, groups: Sequence[tuple[str, Int64]]
+) -> bytes:
+    """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
+
+    `uv` holds texture coordinates (R, 2), with v pointing up, and the index (F, 3) of each face corner's coordinates.
+    """
+    text = [text_lines(b"v", vertices), b"" if uv is None else text_lines(b"vt", uv[0])]
+    for name, own in groups:
+        if len(own):
+            text += [f"g {name}\n".encode(), text_faces([faces[own], None if uv is None else uv[1][own]])]
+    return b"".join(text)
 
 
 def _most(corners: Int64) -> Int64:

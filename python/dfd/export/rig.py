@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfd.common.edits import far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.common.text import UniqueNames
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.fill import Band, bands_of
@@ -13,8 +15,6 @@ from dfd.editing.influence.plan import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
-from dfd.mesh.file.edits import far_origin
-from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane

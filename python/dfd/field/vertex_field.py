@@ -13,8 +13,8 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
 from dfd.field.field import Field
+from dfd.geometry.normalization import normalization
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.mesh.normalization import normalization
 
 ROWS_AT_ONCE = 1 << 16  # number of rows that are scaled at a time, to limit memory
 

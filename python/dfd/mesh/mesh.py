@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.normals import smooth_normals
 from dfd.common.read_only import ReadOnlyArrays
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
-from dfd.mesh.file.read import read
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.normals import smooth_normals
 
 # Importing trimesh takes most of a second, and only conversions need it.
 if TYPE_CHECKING:
@@ -188,7 +187,8 @@ class Mesh(ReadOnlyArrays):
 
         A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
         format can store them. Normals follow the moved surface. If the format is that of the source file, all other
-        data keep their values and number types. The file is written atomically.
+        data keep their values and number types. Without an edit, all bytes stay, except references to other files: in
+        another folder, materials are copied, and data of glTF files is embedded. The file is written atomically.
 
         Warns if rounding to 32-bit floats moves a vertex by more than 0.001 % of the bounding box's diagonal. Only STL
         files, and glTF meshes with a skin or morph targets, store such positions.
@@ -259,6 +259,7 @@ def load(
     Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
     a wrong type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
+    Vertices that no face uses may lack a position; in the mesh, they are at 0.
 
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
     has faces with fewer than three corners; the mesh omits these faces.
@@ -266,6 +267,8 @@ def load(
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh
     if isinstance(source, str | os.PathLike):
+        from dfd.mesh.file.read import read
+
         scene = read(source, at_rest=pose == "rest")
     elif known is not None and isinstance(source, known.Trimesh | known.Scene):
         from dfd.mesh.file.in_trimesh import of_trimesh

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.linear_algebra import Float64
+from dfd.geometry.normalization import Normalization, box_normalization
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
 FIELD_OF_VIEW = 30.0  # field of view at zoom 1, in degrees

@@ -9,8 +9,8 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float64
 from dfd.common.progress import Stages
+from dfd.geometry.normalization import box_normalization
 from dfd.geometry.topology import face_areas
-from dfd.mesh.normalization import box_normalization
 from dfd.upright.candidates import AXES, Up, axis_frames, explicit_up, frame_facing
 from dfd.upright.probe import UpProbe, find_probe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras

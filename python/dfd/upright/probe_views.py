@@ -9,7 +9,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.common.threads import parallel_ranges
-from dfd.mesh.normalization import normalization
+from dfd.geometry.normalization import normalization
 from dfd.views.cameras import camera_towards
 from dfd.views.raycast import Scene
 from dfd.views.render import used_vertices

@@ -13,8 +13,8 @@ from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, UInt8
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
+from dfd.geometry.normalization import normalization
 from dfd.mesh.appearance import blend
-from dfd.mesh.normalization import normalization
 from dfd.views.cameras import Camera, Framing, place_cameras
 from dfd.views.raycast import Scene
 from dfd.views.shading import Shading

@@ -134,6 +134,28 @@ print("child", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), dfd.get_num_t
     assert done.stdout.split() == ["child", "0", "2"], done.stderr
 
 
+@linux_only
+def test_torch_ends_its_work_in_a_forked_child():
+    code = """
+import ctypes, os, torch, dfd
+torch.set_num_threads(4)
+
+def look_up():
+    torch.sin(torch.ones(4_000_000))
+    rows = torch.arange(40_000).reshape(-1, 4) % 50
+    return float(torch.nn.functional.embedding_bag(rows, torch.ones(50, 64), mode="sum").sum())
+
+expected = look_up()
+child = os.fork()
+if child == 0:
+    one = torch.get_num_threads() == ctypes.CDLL("libgomp.so.1").omp_get_max_threads() == 1
+    os._exit(0 if one and look_up() == expected else 3)
+print("child", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    done = python(code, PYTHONWARNINGS="ignore")
+    assert done.stdout.split() == ["child", "0"], done.stderr
+
+
 def test_blas_has_its_former_threads_after_the_block():
     def counts():
         return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from gltf_reader import Glb
-from mesh_files import CORNERS, CUBE, Gltf, scene_of_three, textured_quad, write
+from mesh_files import CORNERS, CUBE, Gltf, header_and_data, scene_of_three, textured_quad, write
 from scipy.spatial import cKDTree
 
 import dfd
@@ -280,3 +280,43 @@ def test_a_joint_that_cannot_be_inverted_is_refused(session, tmp_path):
     with pytest.raises(ValueError, match="joint 'far' is too far away: 32-bit floats cannot invert its matrix"):
         dfd.export_rig(session, tmp_path / "rig.glb")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["skin", "morph"])
+@pytest.mark.parametrize("lines_first", [False, True])
+def test_lines_that_share_positions_with_faces_move_with_them(lines_first, form, make_session, tmp_path):
+    gltf = Gltf()
+    primitives = gltf.header["meshes"][gltf.mesh("cube", CORNERS, CUBE)]["primitives"]
+    primitives.insert(0 if lines_first else 1, {"attributes": {"POSITION": 0}, "mode": 1})
+    gltf.node(name="box", mesh=0)
+    session = make_session(dfd.load(write(tmp_path / "box.glb", gltf.glb())))
+    session.add(7, translation=(0.2, 0.5, 0.1))
+    dfd.export_rig(session, tmp_path / "out.glb", form=form, influences="all" if form == "skin" else None)
+    again = dfd.load(tmp_path / "out.glb")
+    assert np.allclose(again.vertices, session.vertices, atol=1e-5)
+    assert np.ptp(session.vertices - session.mesh.vertices, axis=0).max() > 0.1
+    (strand,) = again.scene.strands
+    assert np.allclose(strand.to_scene(strand.vertices), session.vertices, atol=1e-5)
+    if form == "morph":
+        header = header_and_data(tmp_path / "out.glb")[0]
+        bounds = [
+            header["accessors"][each["targets"][0]["POSITION"]]["max"] for each in header["meshes"][0]["primitives"]
+        ]
+        assert bounds[0] == bounds[1] != [0, 0, 0]
+
+
+def test_morph_targets_move_a_flattened_part_and_leave_the_normals_of_a_translation(make_session, tmp_path):
+    gltf = Gltf()
+    up = gltf.accessor(np.tile([0.0, 1.0, 0.0], (8, 1)), 5126, "VEC3")
+    cube = gltf.mesh("cube", CORNERS, CUBE, attributes={"NORMAL": up})
+    gltf.node(name="shadow", mesh=cube, scale=[1, 0, 1])
+    gltf.node(name="body", mesh=cube, translation=[0, 1, 0])
+    session = make_session(dfd.load(write(tmp_path / "flat.glb", gltf.glb())))
+    session.set_default(translation=(0.1, 0.7, 0.2))
+    dfd.export_rig(session, tmp_path / "out.glb", form="morph")
+    again = dfd.load(tmp_path / "out.glb")
+    assert np.allclose(again.bounds, session.mesh.bounds + [0.1, 0.7, 0.2], atol=1e-5)
+    header = header_and_data(tmp_path / "out.glb")[0]
+    assert not any(
+        "NORMAL" in target for mesh in header["meshes"] for each in mesh["primitives"] for target in each["targets"]
+    )

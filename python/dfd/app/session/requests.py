@@ -26,7 +26,7 @@ from dfd.editing.edit import Fixed
 from dfd.editing.influence.bendable_parts import pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
-from dfd.mesh.normals import updated_normals
+from dfd.geometry.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.posing.transforms import PivotAt, vector
 from dfd.symmetry.plane import SymmetryPlane

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from dfd.app.options import OpenedFile, Opening
-from dfd.mesh.file.read import ENDINGS
+from dfd.mesh.file.formats import ENDINGS
 
 FIELD, EDIT = ".safetensors", ".json"
 FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)

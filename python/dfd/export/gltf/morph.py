@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.gltf.scene_space import bring_to_scene, stand_alone
 from dfd.export.rig import Rig
 from dfd.mesh.file.gltf.header import Header, objects
-from dfd.mesh.file.primitives import Primitive
-from dfd.mesh.file.write import moved_normals
+from dfd.mesh.file.moved import moved_normals
+from dfd.mesh.file.primitives import IDENTITY, Primitive
 from dfd.posing.transforms import Transform
 
 
@@ -62,31 +63,39 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     rest = _document_positions(document, rig.mesh.vertices)
     moved = [_document_positions(document, shape) for shape in targets.shapes]
     normals = [moved_normals(each, rest, document.scene) for each in moved]
-    number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
+    of_faces = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
     for node, primitives in document.parts().items():
+        flat = primitives[0].transform.ndim == 2 and np.linalg.matrix_rank(primitives[0].transform[:3, :3]) < 3
+        if flat:  # local coordinates cannot store displacements out of a plane
+            bring_to_scene(document, node, primitives[0].transform)
+            primitives = [replace(each, transform=IDENTITY) for each in primitives]
         mesh = document.own_mesh(node)
-        known = {each.source[2]: each for each in primitives}
-        done: dict[int, list[Header]] = {}
-        for number, content in enumerate(mesh["primitives"]):
-            position = int(content["attributes"]["POSITION"])
-            if number not in known:
-                rows = int(document.header["accessors"][position]["count"])
-                content["targets"] = [{"POSITION": document.zeros(rows)} for _ in targets.shapes]
-                continue
-            if position not in done:
-                each = known[number]
-                done[position] = [
-                    _target(document, each, shape - rig.mesh.vertices, new[number_of[id(each)]], content)
+        rows = document.vertex_of_positions(primitives)
+        done: dict[tuple[int, int | None], list[Header]] = {}
+        for each, old in zip(primitives, document.parts()[node], strict=True):
+            content = mesh["primitives"][each.source[2]]
+            attributes = content["attributes"]
+            key = (int(attributes["POSITION"]), attributes.get("NORMAL"))
+            number = of_faces.get(id(old))
+            if key not in done:
+                done[key] = [
+                    _target(
+                        document,
+                        each,
+                        (shape - rig.mesh.vertices),
+                        rows[key[0]],
+                        None if number is None else new[number],
+                    )
                     for shape, new in zip(targets.shapes, normals, strict=True)
                 ]
-            content["targets"] = [dict(target) for target in done[position]]
+            content["targets"] = [dict(target) for target in done[key]]
         mesh["weights"] = targets.weights[0].tolist()
         extras = mesh.setdefault("extras", {})
         if isinstance(extras, dict):
             extras["targetNames"] = list(targets.names)  # Blender, three.js and others read names from here
         objects(document.header, "nodes")[node].pop("weights", None)
-        nodes.append(node)
+        nodes.append(stand_alone(document, node) if flat else node)
     return nodes
 
 
@@ -97,19 +106,18 @@ def _alone(edit: Edit, handle: int | None) -> Edit:
     return replace(edit, handles=handles, default=None)
 
 
-def _target(
-    document: GltfDocument, primitive: Primitive, moved: Float64, new: Float64 | None, content: Header
-) -> Header:
+def _target(document: GltfDocument, primitive: Primitive, moved: Float64, vertex: Int64, new: Float64 | None) -> Header:
     """Return a morph target of a primitive: displacements of its positions and normals, in local coordinates.
 
-    `moved` (V, 3) are the displacements of the mesh vertices, and `new` (N, 3) are the new normals of the primitive.
+    `moved` (V, 3) are the displacements of the mesh vertices, `vertex` (N,) is the mesh vertex of each of the
+    primitive's rows, or −1, and `new` (N, 3) are its new normals.
     """
-    vertex, old = document.vertex[primitive.rows], primitive.geometry.normals
+    old = primitive.geometry.normals
     local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
-    if not local.any():
-        return {"POSITION": document.zeros(len(vertex))}
-    target = {"POSITION": document.accessor(local.astype("<f4"), attribute=True, bounds=True)}
-    if old is not None and new is not None and "NORMAL" in content["attributes"]:
+    target = {"POSITION": document.zeros(len(vertex))}
+    if local.any():
+        target = {"POSITION": document.accessor(local.astype("<f4"), attribute=True, bounds=True)}
+    if old is not None and new is not None and (new != old).any():
         target["NORMAL"] = document.accessor((new - old).astype("<f4"), attribute=True)
     return target
 

@@ -78,25 +78,22 @@ def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
 def _weigh(document: GltfDocument, node: int, primitives: list[Primitive], skin: Skin, rig: Rig) -> None:
     """Write the joints and weights of a node's primitives. Vertices without faces follow the joint `rig.default`."""
     dtype = "u1" if len(rig.joints) <= 256 else "<u2"
-    known = {each.source[2]: each for each in primitives}
+    contents = document.own_mesh(node)["primitives"]
     done: dict[int, dict[str, int]] = {}
-    for number, content in enumerate(document.own_mesh(node)["primitives"]):
-        attributes = content["attributes"]
-        position = int(attributes["POSITION"])
-        if position not in done:
-            rows = int(document.header["accessors"][position]["count"])
-            vertex = document.vertex[known[number].rows] if number in known else np.full(rows, -1)
-            joints, weights = _at(skin, vertex, rig.default)
-            done[position] = {}
-            for first in range(0, joints.shape[1], SET):
-                some = slice(first, first + SET)
-                own = (("JOINTS", joints[:, some].astype(dtype)), ("WEIGHTS", weights[:, some]))
-                done[position] |= {
-                    f"{name}_{first // SET}": document.accessor(values, attribute=True) for name, values in own
-                }
+    for position, vertex in document.vertex_of_positions(primitives).items():
+        joints, weights = _at(skin, vertex, rig.default)
+        done[position] = {}
+        for first in range(0, joints.shape[1], SET):
+            some = slice(first, first + SET)
+            own = (("JOINTS", joints[:, some].astype(dtype)), ("WEIGHTS", weights[:, some]))
+            done[position] |= {
+                f"{name}_{first // SET}": document.accessor(values, attribute=True) for name, values in own
+            }
+    for each in primitives:
+        attributes = contents[each.source[2]]["attributes"]
         for name in [name for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))]:
             del attributes[name]
-        attributes |= done[position]
+        attributes |= done[int(attributes["POSITION"])]
 
 
 def _at(skin: Skin, vertex: Int64, default: int) -> tuple[Int64, Float32]:

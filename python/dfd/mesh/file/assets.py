@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import io
 import os
-import stat
-import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import unquote
 
-import numpy as np
-
+from dfd.common.disguise import disguise, is_pointer
+from dfd.common.errors import ArgumentError
+from dfd.common.files import read_regular
+from dfd.common.images import as_texels, read_image
 from dfd.common.linear_algebra import UInt8
+from dfd.common.text import shortened
 
-if TYPE_CHECKING:
-    from PIL import Image
-
-_T = TypeVar("_T")
 MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, these need 256 MiB
 
 
@@ -45,11 +39,15 @@ class AssetFolder:
         for variant in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
             path = (folder / variant.strip()).resolve()
             if not path.is_relative_to(folder):
-                raise ValueError(f"{shortened(name)} lies outside the folder of the file")
+                reason = f"names {shortened(name)}, which lies outside the folder of the file and is therefore not read"
+                raise ArgumentError("path", reason)
             if any(step.startswith(".") for step in path.relative_to(folder).parts):
                 raise ValueError(f"{shortened(name)} is a hidden file")
             if path.exists():
-                return read_regular(path)
+                data = read_regular(path)
+                if is_pointer(data):
+                    raise ArgumentError("path", f"names {shortened(name)}, which is {disguise(data, '')}")
+                return data
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
@@ -69,72 +67,11 @@ class AssetFolder:
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._texels:
-            width, height = _read_image(data, lambda image: image.size)
+            width, height = read_image(data, lambda image: image.size)
             if width * height > self._texels_left:
                 raise ValueError(
                     f"an image of {width} × {height} texels exceeds the limit of {MOST_TEXELS} texels in all images"
                 )
             self._texels_left -= width * height
-            self._texels[key] = _read_image(data, lambda image: np.asarray(image.convert("RGBA"), np.uint8))
+            self._texels[key] = read_image(data, as_texels)
         return self._texels[key]
-
-
-def image_format(data: bytes) -> str:
-    """Return the format of an image in lower case; raise ValueError if `data` is not an image."""
-
-    def verified(image: Image.Image) -> str:
-        image.verify()
-        return (image.format or "png").lower()
-
-    return _read_image(data, verified)
-
-
-def as_image(texels: UInt8) -> Image.Image:
-    """Return texels (rows, columns, 4) as a Pillow image, without the alpha channel if all texels are opaque."""
-    from PIL import Image
-
-    opaque = bool((texels[..., 3] == 255).all())
-    return Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels)
-
-
-def as_png(texels: UInt8) -> bytes:
-    """Return texels (rows, columns, 4) as the bytes of a PNG file."""
-    stream = io.BytesIO()
-    as_image(texels).save(stream, "PNG")
-    return stream.getvalue()
-
-
-def _read_image(data: bytes, use: Callable[[Image.Image], _T]) -> _T:
-    """Open an image file with Pillow, and return the result of `use(image)`."""
-    from PIL import Image
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns about its own size limit; here MOST_TEXELS applies
-            with Image.open(io.BytesIO(data)) as image:
-                return use(image)
-    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more for damaged images
-        raise ValueError(f"it is not a readable image ({type(error).__name__})") from error
-
-
-def read_regular(path: Path) -> bytes:
-    """Return the bytes of a regular file.
-
-    Raises OSError if `path` is a pipe or a device, without waiting for data. Raises OSError if the read fails.
-    """
-    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(errno.EINVAL, "it is not a file")
-    # O_NONBLOCK: if a pipe has replaced the file since the check, `open` does not wait for a writer
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    with os.fdopen(os.open(path, flags), "rb") as stream:
-        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "it is not a file")
-        return stream.read()
-
-
-def shortened(value: object) -> str:
-    """Return the `repr` of a value from a file for an error message, cut to about 60 characters."""
-    text = repr(value)
-    if isinstance(value, str) and value.startswith("data:"):
-        return f"a data URI of {len(value)} characters"
-    return text if len(text) <= 60 else f"{text[:50]}… ({len(text)} characters)"

@@ -7,8 +7,10 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
+from dfd.common.colors import rgba, srgb
+from dfd.common.images import as_texels
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.appearance import WHITE, Material, rgba, srgb
+from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import MOST_TEXELS
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
@@ -90,4 +92,4 @@ def _texels(image: Any) -> UInt8 | None:
     """Return a Pillow image as RGBA texels (rows, columns, 4); None if it has more than `MOST_TEXELS`."""
     if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
         return None
-    return np.asarray(image.convert("RGBA"), np.uint8)
+    return as_texels(image)

@@ -1,9 +1,8 @@
 """Triangle geometries, each with a single material, and their instances in a scene."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import count
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
+from dfd.common.text import shortened
 from dfd.mesh.appearance import Material
-from dfd.mesh.file.assets import shortened
 
 MOST_ROWS = 10**8  # largest number of vertices or faces in a scene; a small file with many instances can exceed it
 MOST_PRIMITIVES = 20_000  # largest number of primitives that are read from a glTF file; to read more would take seconds
@@ -57,6 +56,7 @@ class Primitive(MeshInstance):
     vertices: Float64  # (N, 3) positions in local coordinates; equal to the geometry's, unless `moved`
     normals: Float64 | None  # (N, 3) in local coordinates; None if the file has none
     moved: bool = False  # whether any vertex has moved
+    baked: bool = False  # whether the transform was applied, because it is singular
 
     def to_scene(self, points: Float64) -> Float64:
         """Convert points (N, 3), one for each vertex, from local to scene coordinates."""
@@ -82,7 +82,7 @@ class Primitive(MeshInstance):
         """Convert scene normals (K, 3) of the vertices `rows` to unit normals in local coordinates."""
         return unit(_applied(np.swapaxes(self._linear(rows), -1, -2), normals))
 
-    @property
+    @cached_property
     def mirrored(self) -> bool:
         """Return whether the transform reverses orientation; with a skin, whether most vertex transforms do so."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -92,26 +92,26 @@ class Primitive(MeshInstance):
         return self.transform[:3, :3] if self.transform.ndim == 2 else self.transform[rows, :3, :3]
 
 
-def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
-    """Return the instances that have faces, as primitives, and the scene positions (R, 3) of all their vertices.
+def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], tuple[Primitive, ...], Float64]:
+    """Return the instances with faces, the instances of lines and points, and the positions (R, 3) of all their rows.
+
+    Rows of lines and points follow the rows of faces. Vertices that no face uses may lack a finite position.
 
     Raises ArgumentError if there are no faces, too many rows or faces, or invalid coordinates, indices or transforms.
     """
-    primitives: list[Primitive] = []
+    placed: list[Primitive] = []
     positions: list[Float64] = []
     row_count = face_count = 0
     checked: set[int] = set()
-    for each in instances:
+    for each in sorted(instances, key=lambda each: len(each.geometry.faces) == 0):
         geometry, size = each.geometry, len(each.geometry.faces)
-        if size == 0:
-            continue
-        if id(geometry) not in checked:
+        if size and id(geometry) not in checked:
             checked.add(id(geometry))
             last, (low, high) = len(geometry.vertices) - 1, (int(geometry.faces.min()), int(geometry.faces.max()))
-            require_finite(geometry.vertices, f" of {shortened(each.name)}")
             if low < 0 or high > last:
                 between = f"must have faces between vertices 0 … {last} of {shortened(each.name)}"
                 raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
+            require_finite(geometry.vertices, geometry.faces, f" of {shortened(each.name)}")
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
             raise ArgumentError("path", f"places part {shortened(each.part)} by a transform that is not finite")
         rows = slice(row_count, row_count + len(geometry.vertices))
@@ -119,41 +119,27 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > MOST_ROWS:
             raise ArgumentError("path", f"places more than {MOST_ROWS} vertices or faces")
-        vertices, normals = geometry.vertices, geometry.normals
-        primitives.append(Primitive(**vars(each), rows=rows, faces=faces, vertices=vertices, normals=normals))
-        positions.append(primitives[-1].to_scene(vertices))
-    if not primitives:
+        finite = np.isfinite(geometry.vertices)
+        vertices = geometry.vertices if finite.all() else np.where(finite, geometry.vertices, 0.0)
+        placed.append(Primitive(**vars(each), rows=rows, faces=faces, vertices=vertices, normals=geometry.normals))
+        positions.append(placed[-1].to_scene(geometry.vertices))
+        if size and not np.isfinite(positions[-1][geometry.faces]).all():
+            raise ArgumentError("path", "places vertices so far away that their coordinates are not finite")
+    if face_count == 0:
         raise ArgumentError("path", "holds no faces")
-    stacked = np.concatenate(positions)
-    if not np.isfinite(stacked).all():
-        raise ArgumentError("path", "places vertices so far away that their coordinates are not finite")
-    return tuple(primitives), stacked
+    count = sum(each.faces.stop > each.faces.start for each in placed)
+    return tuple(placed[:count]), tuple(placed[count:]), np.concatenate(positions)
 
 
-def require_finite(vertices: Float64, owner: str = "") -> None:
-    """Raise ArgumentError if a coordinate of `vertices` (N, 3) is not finite."""
-    finite = np.isfinite(vertices)
-    if not finite.all():
-        row, axis = np.argwhere(~finite)[0]
+def require_finite(vertices: Float64, faces: NDArray[np.integer], owner: str = "") -> None:
+    """Raise ArgumentError if `faces` (F, 3) use a vertex of `vertices` (N, 3) whose coordinates are not finite."""
+    wrong = ~np.isfinite(vertices)
+    if wrong.any() and wrong[faces].any():
+        wrong[np.setdiff1d(np.arange(len(vertices)), faces)] = False
+        row, axis = np.argwhere(wrong)[0]
         raise ArgumentError("path", f"must hold finite coordinates, got {vertices[row, axis]} at vertex {row}{owner}")
 
 
 def _applied(linear: NDArray[np.floating], vectors: Float64) -> Float64:
     """Multiply vectors (N, 3) by `linear`: one matrix (3, 3), or one matrix for each vector, (N, 3, 3)."""
     return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
-
-
-class UniqueNames:
-    """Makes names unique: a repeated name gets a number as its suffix, starting from `first`."""
-
-    def __init__(self, first: int = 1) -> None:
-        self._taken: set[str] = set()
-        self._numbers: dict[str, count[int]] = defaultdict(lambda: count(first))
-
-    def unique(self, name: str) -> str:
-        """Return `name`, with a number appended if an earlier call has returned `name`."""
-        found = name
-        while found in self._taken:
-            found = f"{name}_{next(self._numbers[name])}"
-        self._taken.add(found)
-        return found

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
+from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance, Material
-from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
-from dfd.mesh.weld import weld
+from dfd.mesh.file.primitives import MeshInstance, Primitive, place
+
+if TYPE_CHECKING:
+    from dfd.mesh.file.gltf.data import GltfData
 
 _DEFAULT = Material(is_default=True)
 
@@ -23,7 +26,6 @@ _DEFAULT = Material(is_default=True)
 class FileSource:
     """The content of an OBJ, PLY, STL or OFF file. To save moved positions, the content is parsed again."""
 
-    path: Path
     data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
     numbers: Int64 | None = None  # (R,) the file's vertex for each row of `SceneFile`; None for STL files
     corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
@@ -42,10 +44,14 @@ class SceneFile:
     corner_faces: Int32  # (F, 3) row of each face corner
     vertices: Float64  # (V, 3) positions of the mesh vertices in the scene
     representative: Int32  # (V,) for each vertex, the first vertex at its position
-    vertex: Int32  # (R,) mesh vertex of each row; −1 at positions that no face uses
+    vertex: Int32  # (R + L,) mesh vertex of each row; −1 at positions that no face uses
     appearance: Appearance | None  # the colors of the faces; None if unknown
     gltf: GltfData | None = None  # the source file, if it is a glTF file
     source: FileSource | None = None  # the source file, if it has another format
+    # Lines and points of a glTF file. Their rows, L in all, come after the rows of faces. In place of a mesh vertex,
+    # `vertex` gives the nearest one, which they follow.
+    strands: tuple[Primitive, ...] = ()
+    unplaced: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))  # mesh vertices without a position: at 0
 
     def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as indices of its own vertices, with their winding in the scene."""
@@ -74,29 +80,62 @@ class SceneFile:
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a coordinate is not finite.
         """
-        primitives, positions = place(instances)
+        primitives, strands, positions = place(instances)
         numbered = []
         for each in primitives:
             faces = each.geometry.faces.astype(np.int32) + np.int32(each.rows.start)
             # A mirroring transform reverses the winding of triangles: glTF 2.0, section 3.7.4.
             numbered.append(faces[:, [0, 2, 1]] if each.mirrored else faces)
         corner_faces = np.concatenate(numbered)
+        unplaced = np.zeros(0, np.int64)
         if own_vertices is not None:
-            require_finite(own_vertices)
-            vertices, (first, distinct) = own_vertices, weld(own_vertices)
-            representative = first.astype(np.int32)[distinct]
-            vertex = representative if source is None or source.numbers is None else representative[source.numbers]
-        else:
-            first, distinct = weld(positions)
-            used = np.bincount(distinct[corner_faces].ravel(), minlength=len(first)) > 0
-            vertices = positions[first[used]]
+            numbers = np.arange(len(positions)) if source is None or source.numbers is None else source.numbers
+            unplaced = np.flatnonzero(~np.isfinite(own_vertices).all(axis=1))
+            vertices = own_vertices.copy()
+            vertices[unplaced] = 0
             representative = np.arange(len(vertices), dtype=np.int32)
-            vertex = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))[distinct]
+            known = np.delete(representative, unplaced)
+            first, distinct = weld(vertices[known])
+            representative[known] = known[first[distinct]]
+            vertex = representative[numbers]
+        else:
+            finite: Bool = np.logical_and.reduce(np.isfinite(positions), axis=1)
+            finite[primitives[-1].rows.stop :] = False
+            first, distinct = weld(positions[finite])
+            of_known = np.zeros(len(finite), np.int64)
+            of_known[finite] = distinct
+            used = np.bincount(of_known[corner_faces].ravel(), minlength=len(first)) > 0
+            vertices = positions[finite][first[used]]
+            representative = np.arange(len(vertices), dtype=np.int32)
+            numbers = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
+            vertex = np.where(finite, numbers[of_known], np.int32(-1))
+            _follow(vertex, positions, vertices, strands)
         count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
         if count < 3:
             raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {count}")
-        appearance = _appearance(primitives, vertex, corner_faces)
-        return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, gltf, source)
+        appearance = _appearance(primitives, vertex[: primitives[-1].rows.stop], corner_faces)
+        return cls(
+            path,
+            primitives,
+            corner_faces,
+            vertices,
+            representative,
+            vertex,
+            appearance,
+            gltf,
+            source,
+            strands,
+            unplaced,
+        )
+
+
+def _follow(vertex: Int32, positions: Float64, vertices: Float64, strands: Sequence[Primitive]) -> None:
+    """Let rows of lines and points follow the nearest of `vertices` (V, 3): write its index to `vertex` (R + L,)."""
+    if strands:
+        from scipy.spatial import cKDTree
+
+        rows = strands[0].rows.start + np.flatnonzero(np.isfinite(positions[strands[0].rows.start :]).all(axis=1))
+        vertex[rows] = cKDTree(vertices).query(positions[rows])[1]
 
 
 def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: Int32) -> Appearance | None:

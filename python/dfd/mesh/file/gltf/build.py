@@ -2,19 +2,23 @@
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import UInt8
-from dfd.mesh.appearance import Material, Wrap, linear
-from dfd.mesh.file.assets import as_png
-from dfd.mesh.file.edits import far_origin
+from dfd.common.colors import linear
+from dfd.common.edits import far_origin
+from dfd.common.images import as_png
+from dfd.common.linear_algebra import Float64, Int64, UInt8
+from dfd.mesh.appearance import Material, Wrap
+from dfd.mesh.file.complete import all_completed
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
+from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962
@@ -28,8 +32,9 @@ _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 class GltfBuilder:
     """A glTF file that is being built: its JSON header, and the data of its first buffer."""
 
-    def __init__(self, header: Header) -> None:
+    def __init__(self, header: Header, chunks: Mapping[int, bytes] = MappingProxyType({})) -> None:
         self.header = header
+        self._chunks = chunks  # further chunks of a GLB file, by their kinds
         self._data = bytearray()
         self._unread: list[Header] = []  # header entries of buffers that cannot be read; the new file keeps them
 
@@ -69,7 +74,7 @@ class GltfBuilder:
         if not binary:
             buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(self._data).decode()}"
         text = json.dumps(self.header, separators=(",", ":")).encode()
-        return join_glb(text, bytes(self._data)) if binary else text
+        return join_glb(text, bytes(self._data), self._chunks) if binary else text
 
     def _append(self, data: bytes | UInt8) -> int:
         start = len(self._data)
@@ -78,7 +83,22 @@ class GltfBuilder:
         return start
 
 
-def encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
+def encode(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return a GLB or glTF file of a mesh that was not read from such a file."""
+    data, _ = encode_complete(saving, binary=saving.target.suffix.lower() == ".glb")
+    return {saving.target.name: data}, np.zeros(0)
+
+
+def encode_complete(saving: Saving, *, binary: bool) -> tuple[bytes, Int64]:
+    """Return a file in which all vertices have normals, and the mesh vertex (R,) of each of its rows.
+
+    Viewers use flat shading for primitives without normals.
+    """
+    complete, vertex = all_completed(saving)
+    return _encode_scene(complete, binary=binary), vertex
+
+
+def _encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
     """Return the file of a scene: a node for each part, with the part's primitives in order.
 
     Nodes share a mesh if their parts share unmoved geometries. If a part is so far from the origin that 32-bit floats
@@ -128,10 +148,6 @@ class _Scene(GltfBuilder):
         for name, own in geometry.attributes.items():
             if own.ndim < 3 and own.shape[1:] in _KINDS and own.dtype.kind in "iuf":
                 values[f"_{name.lstrip('_').upper()}"] = own
-        faces = geometry.faces
-        if geometry.face_colors is not None:  # each face corner becomes a vertex
-            values = {name: own[faces.ravel()] for name, own in values.items()}
-            faces, colors = np.arange(faces.size), geometry.face_colors.repeat(3, 0)
         attributes = {
             name: self.accessor(own.astype("<f4"), attribute=True, bounds=name == "POSITION")
             for name, own in values.items()
@@ -141,7 +157,7 @@ class _Scene(GltfBuilder):
             attributes["COLOR_0"] = self.accessor(
                 np.rint(stored * 65535).astype("<u2"), attribute=True, normalized=True
             )
-        content: Header = {"attributes": attributes, "indices": self.accessor(faces.astype("<u4").ravel())}
+        content: Header = {"attributes": attributes, "indices": self.accessor(geometry.faces.astype("<u4").ravel())}
         material = geometry.material
         if material is None and geometry.uv is not None and colors is None:
             material = _PLAIN  # readers ignore texture coordinates without a material

@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.common.text import shortened
+from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
-    COMPONENTS,
+    DATA_CHUNK,
     DRACO,
-    MESHOPT,
+    Accessor,
     Header,
     extension,
+    is_index,
     item,
+    objects,
+    read,
     reference,
     whole,
 )
@@ -31,15 +35,23 @@ _UNSIGNED = (5121, 5123, 5125)  # component types of unsigned integers with 8, 1
 class GltfData:
     """The JSON header of a glTF file, and its data. Methods raise ValueError or OSError if data cannot be read."""
 
-    def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
-        """Store the header, the data chunk of a GLB file, and the folder from which external files are read."""
-        self.header = header
-        self._embedded = embedded
+    def __init__(self, content: bytes, assets: AssetFolder) -> None:
+        """Check the header of the glTF or GLB file with this content. External files are read from a folder."""
+        self._checked = read(content)
+        self.header, self.chunks = self._checked.header, self._checked.chunks
+        self.content = np.frombuffer(content, np.uint8)  # an array, because processes can share arrays
+        self._embedded = self.chunks.pop(DATA_CHUNK, None)
         self.assets = assets
         self._buffers: dict[int, UInt8] = {}  # arrays, because processes can share them
         self._views: dict[int, bytes] = {}
         self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the file refers to no other files."""
+        owners = [*objects(self.header, "buffers"), *objects(self.header, "images")]
+        return all(str(each.get("uri", "data:")).startswith("data:") for each in owners)
 
     def buffer(self, index: int) -> UInt8:
         """Return the bytes of a buffer."""
@@ -78,15 +90,12 @@ class GltfData:
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a buffer view, decompressed."""
-        view = self.header["bufferViews"][index]
-        for name in MESHOPT:
-            packed = extension(view, name)
-            if packed is not None:
-                if index not in self._views:
-                    self._views[index] = self._decompress(index, name, packed, int(view["byteLength"]))
-                return memoryview(self._views[index])
-        start = int(view.get("byteOffset", 0))
-        return self.buffer(int(view["buffer"])).data[start : start + int(view["byteLength"])]
+        view = self._checked.views[index]
+        if view.packed is None:
+            return self.buffer(view.buffer).data[view.start : view.start + view.length]
+        if index not in self._views:
+            self._views[index] = self._decompress(index, *view.packed, view.length)
+        return memoryview(self._views[index])
 
     def picture(self, image: Header) -> bytes:
         """Return the bytes of an entry of `images`: from a buffer view, a data URI or an external file."""
@@ -99,13 +108,21 @@ class GltfData:
 
     def accessor(self, index: object) -> NDArray[Any]:
         """Return the items (count, components) of an accessor; normalized integers are converted to floats."""
-        accessor = item(self.header, "accessors", index)
+        accessor = self._accessor(index)
         if accessor is None:
             raise ValueError(f"accessor {shortened(index)} does not exist")
-        values = self._stored(accessor)
-        if "sparse" in accessor:
-            values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
-        return _as_numbers(values, bool(accessor.get("normalized")))
+        values = np.zeros((accessor.count, accessor.width), accessor.dtype)
+        if accessor.view is not None and accessor.count:
+            # The view may end after the last item, before the end of this item's stride.
+            strides = (accessor.stride, accessor.dtype.itemsize)
+            values = np.ndarray(values.shape, accessor.dtype, self.view(accessor.view), accessor.start, strides)
+        if accessor.sparse is not None:
+            values = self._replaced(values.copy(), accessor.sparse, f"accessor {index}")
+        return _as_numbers(values, accessor.normalized)
+
+    def _accessor(self, index: object) -> Accessor | None:
+        found = self._checked.accessors
+        return found[cast(int, index)] if is_index(index, len(found)) else None
 
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
         """Return an attribute (vertices, components) of a primitive, or None if the primitive lacks it."""
@@ -122,9 +139,10 @@ class GltfData:
         if "indices" not in primitive:
             return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
         index = primitive["indices"]
-        accessor = item(self.header, "accessors", index) or {}
-        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
-        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
+        accessor = self._accessor(index)
+        if accessor is None or accessor.dtype.kind != "u" or accessor.width > 1 or accessor.normalized:
+            found = item(self.header, "accessors", index) or {}
+            kinds = (found.get("componentType"), found.get("type"), found.get("normalized", False))
             raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
         return self.accessor(index).ravel()
 
@@ -142,11 +160,11 @@ class GltfData:
         by_id, faces = self._draco_mesh(cast(int, view))
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
-            accessor = item(self.header, "accessors", primitive["attributes"].get(name))
+            accessor = self._accessor(primitive["attributes"].get(name))
             if accessor is not None and isinstance(number, int) and number in by_id:
                 values = by_id[number].reshape(len(by_id[number]), -1)
                 self._require_count(primitive["attributes"][name], len(values))
-                found[name] = _as_numbers(values, bool(accessor.get("normalized")))
+                found[name] = _as_numbers(values, accessor.normalized)
         if "POSITION" not in found:
             raise ValueError(f"its {DRACO} holds no positions")
         if "indices" in primitive and primitive.get("mode", 4) == 4:
@@ -154,9 +172,10 @@ class GltfData:
         return {**found, "indices": faces}
 
     def _require_count(self, index: object, count: int) -> None:
-        stated = (item(self.header, "accessors", index) or {}).get("count")
-        if stated != count:
-            raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
+        accessor = self._accessor(index)
+        if accessor is None or accessor.count != count:
+            stated = "no" if accessor is None else accessor.count
+            raise ValueError(f"accessor {shortened(index)} has {stated} items, but {DRACO} holds {count}")
 
     def _draco_mesh(self, view: int) -> tuple[dict[int, NDArray[Any]], NDArray[Any]]:
         """Return the attributes of a Draco stream by their ids, and the vertex index (N, 1) of each face corner."""
@@ -197,21 +216,6 @@ class GltfData:
         except Exception as error:
             raise ValueError(f"{what} cannot be decoded: {str(error) or type(error).__name__}") from error
         return np.ascontiguousarray(plain).tobytes()
-
-    def _stored(self, accessor: Header) -> NDArray[Any]:
-        """Return the stored items of an accessor; zeros if it has no data."""
-        dtype, width = np.dtype(COMPONENT_TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
-        count = int(accessor["count"])
-        if "bufferView" not in accessor:
-            return np.zeros((count, width), dtype)
-        index = int(accessor["bufferView"])
-        data = self.view(index)
-        start = int(accessor.get("byteOffset", 0))
-        stride = int(self.header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
-        if not count:
-            return np.zeros((0, width))
-        # The view may end after the last item, before the end of this item's stride.
-        return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
         """Replace the items of `values` that the `sparse` object of an accessor lists, and return `values`."""

@@ -8,15 +8,20 @@ import importlib.util
 import json
 import struct
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import chain
-from typing import Any, TypeGuard, cast
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeGuard, cast
 
-from dfd.mesh.file.assets import shortened
+import numpy as np
+
+from dfd.common.text import shortened
 
 Header = dict[str, Any]
 
 _MAGIC = b"glTF"  # the first bytes of a GLB file
-_JSON_CHUNK, _DATA_CHUNK = 0x4E4F534A, 0x004E4942
+_JSON_CHUNK, DATA_CHUNK = 0x4E4F534A, 0x004E4942
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -28,6 +33,7 @@ _LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
+    "EXT_mesh_gpu_instancing",
 )
 _COLLECTIONS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
@@ -42,14 +48,46 @@ _MOST_OVERLAP = 8
 _SMALL = 2**24  # bytes; `_MOST_OVERLAP` is checked only above this total length
 
 
-def read(data: bytes) -> tuple[Header, bytes | None]:
-    """Return the header of a glTF or GLB file, and the data chunk of a GLB file.
+@dataclass(frozen=True)
+class View:
+    """A checked entry of `bufferViews`."""
+
+    buffer: int
+    start: int  # first byte in the buffer
+    length: int  # bytes, after decompression
+    packed: tuple[str, Header] | None  # the name and content of an extension that compresses the view
+
+
+@dataclass(frozen=True)
+class Accessor:
+    """A checked entry of `accessors`."""
+
+    count: int
+    dtype: np.dtype[Any]  # of a component
+    width: int  # number of components
+    view: int | None  # None if the accessor has no data
+    start: int  # first byte in the view
+    stride: int  # bytes from one item to the next
+    normalized: bool
+    sparse: Any  # checked when it is read
+
+
+class Contents(NamedTuple):
+    """What the bytes of a glTF file hold."""
+
+    header: Header
+    chunks: dict[int, bytes]  # the chunks of a GLB file after the JSON text, by their kinds
+    views: list[View]
+    accessors: list[Accessor]
+
+
+def read(data: bytes) -> Contents:
+    """Return the checked contents of a glTF or GLB file.
 
     Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
-    glb = data.startswith(_MAGIC)
-    text, embedded = split_glb(data) if glb else (data.removeprefix(codecs.BOM_UTF8), None)
-    header: object = json.loads(text.decode())
+    chunks = _split_glb(data) if data.startswith(_MAGIC) else {_JSON_CHUNK: data.removeprefix(codecs.BOM_UTF8)}
+    header: object = json.loads(chunks.pop(_JSON_CHUNK).decode())
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
     _check_depth(header)
@@ -57,15 +95,21 @@ def read(data: bytes) -> tuple[Header, bytes | None]:
         objects(header, name)
     _check_version(header)
     _check_extensions(header)
-    _check_views(header, glb)
-    _check_accessors(header)
+    views = _views(header, data.startswith(_MAGIC))
+    accessors = _accessors(header, views)
     _check_primitives(header)
     _check_nodes(header)
-    return header, embedded
+    return Contents(header, chunks, views, accessors)
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON text of a GLB file, and its data chunk; the chunk is None if the file has none."""
+    chunks = _split_glb(data)
+    return chunks[_JSON_CHUNK], chunks.get(DATA_CHUNK)
+
+
+def _split_glb(data: bytes) -> dict[int, bytes]:
+    """Return the chunks of a GLB file by their kinds, the JSON text first."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])
@@ -73,23 +117,25 @@ def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
         raise ValueError(f"it has version {version} of the format, and only 2 can be read")
     if total != len(data):
         raise ValueError(f"it should have {total} bytes, but has {len(data)}")
-    kind, text, end = _chunk(data, 12)
-    if kind != _JSON_CHUNK:
-        raise ValueError("its first chunk is not JSON")
+    chunks: dict[int, bytes] = {}
+    end = 12
     while end + 8 <= len(data):
         kind, content, end = _chunk(data, end)
-        if kind == _DATA_CHUNK:
-            return text, content
-    return text, None
+        if not chunks and kind != _JSON_CHUNK:
+            raise ValueError("its first chunk is not JSON")
+        chunks.setdefault(kind, content)
+    return chunks
 
 
-def join_glb(text: bytes, data: bytes) -> bytes:
-    """Return a GLB file with this JSON text and this data chunk."""
-    text += b" " * (-len(text) % 4)
-    padding = bytes(-len(data) % 4)
-    total = 12 + 8 + len(text) + 8 + len(data) + len(padding)
-    head = struct.pack("<4sIIII", _MAGIC, 2, total, len(text), _JSON_CHUNK)
-    return b"".join([head, text, struct.pack("<II", len(data) + len(padding), _DATA_CHUNK), data, padding])
+def join_glb(text: bytes, data: bytes, others: Mapping[int, bytes] = MappingProxyType({})) -> bytes:
+    """Return a GLB file with this JSON text, this data chunk and `others`, which are chunks by their kinds."""
+    chunks = [
+        (_JSON_CHUNK, text + b" " * (-len(text) % 4)),
+        (DATA_CHUNK, data + bytes(-len(data) % 4)),
+        *others.items(),
+    ]
+    pieces = [piece for kind, content in chunks for piece in (struct.pack("<II", len(content), kind), content)]
+    return b"".join([struct.pack("<4sII", _MAGIC, 2, 12 + sum(map(len, pieces))), *pieces])
 
 
 def _chunk(data: bytes, start: int) -> tuple[int, bytes, int]:
@@ -120,6 +166,22 @@ def extension(owner: Header, name: str) -> Header | None:
     found = owner.get("extensions")
     value = found.get(name) if isinstance(found, dict) else None
     return value if isinstance(value, dict) else None
+
+
+def drop_extension(header: Header, owner: Header, name: str) -> None:
+    """Remove the extension `name` of an object, and from the header's lists if no other node or primitive uses it."""
+    owner["extensions"].pop(name)
+    if not owner["extensions"]:
+        del owner["extensions"]
+    meshes = objects(header, "meshes")
+    users = chain(objects(header, "nodes"), chain.from_iterable(objects(mesh, "primitives") for mesh in meshes))
+    if any(extension(each, name) is not None for each in users):
+        return
+    for list_name in ("extensionsUsed", "extensionsRequired"):
+        if name in header.get(list_name, []):
+            header[list_name].remove(name)
+            if not header[list_name]:  # the format allows no empty lists
+                del header[list_name]
 
 
 def parents(header: Header) -> dict[int, int]:
@@ -165,32 +227,33 @@ def _check_extensions(header: Header) -> None:
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 
 
-def _check_views(header: Header, glb: bool) -> None:
+def _views(header: Header, glb: bool) -> list[View]:
     for i, buffer in enumerate(objects(header, "buffers")):
         fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
         if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
             raise ValueError(f"buffer {i} has no URI")
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
-    total = 0
+    views = []
     for i, view in enumerate(objects(header, "bufferViews")):
-        size = lengths[reference(header, view, "buffer", f"bufferView {i}")]
-        length = whole(view, "byteLength", f"bufferView {i}")
-        for name in MESHOPT:
-            if (packed := extension(view, name)) is not None:
-                reference(header, packed, "buffer", f"bufferView {i}")
-        end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
-        if end > size:
-            raise ValueError(f"bufferView {i} ends at byte {end}, but its buffer has {size} bytes")
-        total += length
+        number = reference(header, view, "buffer", f"bufferView {i}")
+        start, length = whole(view, "byteOffset", f"bufferView {i}", 0), whole(view, "byteLength", f"bufferView {i}")
+        packed = [(name, found) for name in MESHOPT if (found := extension(view, name)) is not None]
+        for _, found in packed:
+            reference(header, found, "buffer", f"bufferView {i}")
+        if start + length > lengths[number]:
+            end = f"bufferView {i} ends at byte {start + length}"
+            raise ValueError(f"{end}, but its buffer has {lengths[number]} bytes")
+        views.append(View(number, start, length, next(iter(packed), None)))
+    total = sum(view.length for view in views)
     if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
         raise ValueError(f"its bufferViews cover {total} bytes in total, but its buffers have {sum(lengths)}")
+    return views
 
 
-def _check_accessors(header: Header) -> None:
-    views = objects(header, "bufferViews")
+def _accessors(header: Header, views: list[View]) -> list[Accessor]:
     if views and "accessors" not in header:
         raise ValueError("it has data, but no accessors and so no faces")
-    total, longest, unfilled = 0, 0, []
+    total, longest, found = 0, 0, list[Accessor]()
     for i, accessor in enumerate(objects(header, "accessors")):
         count = whole(accessor, "count", f"accessor {i}")
         component, kind = accessor.get("componentType"), accessor.get("type")
@@ -198,24 +261,28 @@ def _check_accessors(header: Header) -> None:
             raise ValueError(f"accessor {i} has the unknown componentType {shortened(component)}")
         if not isinstance(kind, str) or kind not in COMPONENTS:
             raise ValueError(f"accessor {i} has the unknown type {shortened(kind)}")
-        size = int(COMPONENT_TYPES[component][-1]) * COMPONENTS[kind]
+        dtype, width = np.dtype(COMPONENT_TYPES[component]), COMPONENTS[kind]
+        size, normalized, sparse = dtype.itemsize * width, bool(accessor.get("normalized")), accessor.get("sparse")
         if "bufferView" not in accessor:
-            unfilled.append((i, count))
+            found.append(Accessor(count, dtype, width, None, 0, size, normalized, sparse))
             continue
         view = reference(header, accessor, "bufferView", f"accessor {i}")
-        stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
-        if stride < max(size, _LEAST_STRIDE):
+        owner = header["bufferViews"][view]
+        stride = whole(owner, "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
+        if stride < _LEAST_STRIDE:
+            raise ValueError(f"bufferView {view} has the byteStride {stride}; glTF permits 4 to 252 bytes")
+        if stride < size:
             raise ValueError(
                 f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )
-        stride = stride if "byteStride" in views[view] else size
-        end = whole(accessor, "byteOffset", f"accessor {i}", default=0)
-        end += (count - 1) * stride + size if count else 0
-        if end > views[view]["byteLength"]:
-            size = views[view]["byteLength"]
-            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {size} bytes")
+        stride = stride if "byteStride" in owner else size
+        start = whole(accessor, "byteOffset", f"accessor {i}", default=0)
+        end, stored = start + ((count - 1) * stride + size if count else 0), views[view].length
+        if end > stored:
+            raise ValueError(f"accessor {i} has {count} items up to byte {end}, but its bufferView has {stored} bytes")
+        found.append(Accessor(count, dtype, width, view, start, stride, normalized, sparse))
         total, longest = total + count * size, max(longest, count)
-    stored = sum(view["byteLength"] for view in views)
+    stored = sum(view.length for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
         raise ValueError(f"its accessors cover {total} bytes in total, but its bufferViews have {stored}")
     packed: set[object] = set()  # accessors whose data is in a Draco stream
@@ -223,9 +290,10 @@ def _check_accessors(header: Header) -> None:
         attributes = primitive.get("attributes")
         if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
             packed.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
-    for i, count in unfilled:
-        if count > max(longest, _MOST_ZEROS) and i not in packed:
-            raise ValueError(f"accessor {i} has {count} items but no data")
+    for i, each in enumerate(found):
+        if each.view is None and each.count > max(longest, _MOST_ZEROS) and i not in packed:
+            raise ValueError(f"accessor {i} has {each.count} items but no data")
+    return found
 
 
 def _check_primitives(header: Header) -> None:

@@ -5,13 +5,16 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from dfd.common.colors import srgb
 from dfd.common.linear_algebra import Float64, UInt8
-from dfd.mesh.appearance import Material, Wrap, srgb
-from dfd.mesh.file.assets import shortened
+from dfd.common.text import shortened
+from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import extension, item
 
 WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+
+_BLACK = 0.01  # linear value of a base color below which a surface that emits light shows only this light
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ def read_surface(data: GltfData, index: int) -> Surface:
     if glossiness is not None:
         factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
     color = _numbers(factor, 4, 1.0)
+    emission = _numbers(content.get("emissiveFactor"), 3, 0.0)
+    if max(color[:3]) < _BLACK and max(emission) > 0:  # a black surface shows only the light that it emits
+        color, reference = [*emission, color[3]], content.get("emissiveTexture")
     name = str(content.get("name", ""))
     texels, wrap = _texture(data, reference, name)
     if reference is not None and texels is None:

@@ -13,25 +13,52 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.edits import far_origin, rounding
+from dfd.common.errors import ArgumentError
+from dfd.common.images import image_format
 from dfd.common.linear_algebra import Float64
-from dfd.mesh.file.assets import image_format
-from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
+from dfd.mesh.file.gltf.header import (
+    COMPONENT_TYPES,
+    DRACO,
+    MESHOPT,
+    Header,
+    drop_extension,
+    extension,
+    is_index,
+    objects,
+)
+from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Primitive
 
 _UNSIGNED = 5125
 
 
-def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
-    """Return the file `source` with the `moved` primitives, as GLB or as glTF with embedded data.
+def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return the source of `saving` with its moved primitives, and the distances by which 32-bit floats move vertices.
 
-    External buffers and images are embedded. If such a file cannot be read, the reference to it is kept.
+    A file in which nothing moves keeps its bytes. In all other files, external buffers and images are embedded; if such
+    a file cannot be read, the reference to it is kept.
     """
+    target, path, source = saving.target, saving.file.path, saving.file.gltf
+    assert path is not None
+    assert source is not None
+    moved = [*saving.moved, *saving.strands]
+    same_kind = target.suffix.lower() == path.suffix.lower()
+    in_place = source.is_complete or target.parent.resolve() == path.parent.resolve()
+    if same_kind and in_place and not any(each.moved for each in moved):
+        return {target.name: source.content.tobytes()}, np.zeros(0)
+    kept = [each for each in moved if each.moved and keeps_origin(source, each)]
+    lost = np.concatenate([np.zeros(0), *(rounding(each.vertices) for each in kept)])
+    return {target.name: _encoded(source, moved, binary=target.suffix.lower() == ".glb")}, lost
+
+
+def _encoded(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
     patch = GltfPatch(source)
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
-    for node, of_node in groupby(moved, lambda each: each.source[0]):
+    by_node = sorted(moved, key=lambda each: each.source[0])
+    for node, of_node in groupby(by_node, lambda each: each.source[0]):
         group = list(of_node)
         if not any(each.moved for each in group):
             continue
@@ -39,17 +66,13 @@ def encode(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> byt
         own = patch.split_mesh(node, mesh, shared=users[mesh] > 1)
         users[mesh] -= 1
         primitives = patch.header["meshes"][own]["primitives"]
-        origin = (
-            None if keeps_origin(source, group[0]) else far_origin(np.concatenate([each.vertices for each in group]))
-        )
+        origin = None
+        if group[0].baked:
+            patch.move_to_root(node, group[0])
+        elif not keeps_origin(source, group[0]):
+            origin = far_origin(np.concatenate([each.vertices for each in group]))
         if origin is not None:
             patch.move_origin(node, origin)
-            known = {each.source[2] for each in group}  # all other primitives are points or lines
-            for content in (each for number, each in enumerate(primitives) if number not in known):
-                positions = source.attribute(content, "POSITION")
-                if positions is not None:
-                    shifted = (positions - origin).astype("<f4")
-                    content["attributes"]["POSITION"] = patch.accessor(shifted, bounds=True)
         for each in group:
             if each.moved or origin is not None:
                 patch.move(node, primitives[each.source[2]], each, origin)
@@ -67,7 +90,7 @@ class GltfPatch(GltfBuilder):
     """A copy of a glTF file in which primitives are moved. All data that can be read is in one buffer."""
 
     def __init__(self, source: GltfData) -> None:
-        super().__init__(json.loads(json.dumps(source.header)))
+        super().__init__(json.loads(json.dumps(source.header)), source.chunks)
         self.source = source
         self._take_buffers()
         self._take_pictures()
@@ -119,6 +142,27 @@ class GltfPatch(GltfBuilder):
             below["name"] = content["name"]
         content.setdefault("children", []).append(self.append("nodes", below))
 
+    def move_to_root(self, node: int, first: Primitive) -> None:
+        """Move the mesh of a node to a new root node without a transform."""
+        if keeps_origin(self.source, first):
+            why = f"must leave part {first.part!r:.60} in place, because its skin or its node flattens it"
+            raise ArgumentError("vertices", f"{why}, and its file cannot store another shape", "Mesh.save")
+        header = self.header
+        content = header["nodes"][node]
+        if content.keys() & {"children", "camera", "extensions"} or header.get("animations"):
+            below = {name: content.pop(name) for name in ("mesh", "name") if name in content}
+            node = self.append("nodes", below)
+        for name in ("matrix", "translation", "rotation", "scale"):
+            header["nodes"][node].pop(name, None)
+        for parent in objects(header, "nodes"):
+            if node in parent.get("children", []):
+                parent["children"].remove(node)
+                if not parent["children"]:  # the format allows no empty lists
+                    del parent["children"]
+        if objects(header, "scenes"):
+            roots = header["scenes"][header.get("scene", 0)].setdefault("nodes", [])
+            roots += [node] if node not in roots else []
+
     def move(self, node: int, primitive: dict[str, Any], each: Primitive, origin: Float64 | None = None) -> None:
         """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""
         self.unpack(primitive)
@@ -138,7 +182,7 @@ class GltfPatch(GltfBuilder):
         if packed is None:
             return
         stored = extension(primitive, DRACO) or {}
-        primitive["extensions"].pop(DRACO)
+        drop_extension(self.header, primitive, DRACO)
         for name in stored.get("attributes", {}):
             if name in packed and not (moving and name in ("POSITION", "NORMAL")):
                 self._fill(primitive["attributes"][name], packed[name])
@@ -147,35 +191,33 @@ class GltfPatch(GltfBuilder):
         primitive["mode"] = 4
         self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
 
+    def place_all(self, index: int) -> None:
+        """Give a position to the items of an accessor that lack one: vertices that no face uses."""
+        values = self.source.accessor(index)
+        if not np.isfinite(values).all():
+            self._fill(index, np.where(np.isfinite(values), values, 0))
+
     def _fill(self, index: int, values: NDArray[Any], component: int | None = None) -> None:
-        """Store `values` as the data of an accessor that has no data."""
+        """Store `values` as the data of an accessor."""
         accessor = self.header["accessors"][index]
         component = component or int(accessor["componentType"])
         dtype = np.dtype(COMPONENT_TYPES[component])
         if accessor.get("normalized") and dtype.kind in "iu":
             values = np.rint(values * np.iinfo(dtype).max)
+        for name in ("byteOffset", "sparse"):
+            accessor.pop(name, None)
         accessor |= {"componentType": component, "count": len(values)}
         accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
 
     def encode(self, *, binary: bool) -> bytes:
         """Return the file, as GLB or as glTF with embedded data."""
-        for (_, name, _), (rows, users) in self._moved.items():
-            index = self.accessor(rows.astype("<f4"), bounds=name == "POSITION")
+        for (_, name, old), (rows, users) in self._moved.items():
+            self.place_all(old)
+            stored = np.where(np.isfinite(rows), rows, 0).astype("<f4")
+            index = self.accessor(stored, attribute=True, bounds=name == "POSITION")
             for attributes in users:
                 attributes[name] = index
-        self._drop_draco()
         return super().encode(binary=binary)
-
-    def _drop_draco(self) -> None:
-        """Remove Draco from the extensions that the header lists, if no primitive uses it."""
-        primitives = [each for mesh in objects(self.header, "meshes") for each in objects(mesh, "primitives")]
-        if any(extension(each, DRACO) is not None for each in primitives):
-            return
-        for name in ("extensionsUsed", "extensionsRequired"):
-            if DRACO in self.header.get(name, []):
-                self.header[name].remove(DRACO)
-                if not self.header[name]:  # the format allows no empty lists
-                    del self.header[name]
 
     def _collect(
         self, node: int, name: str, attributes: Header, old: Float64, new: Float64, stored: Float64 | None = None

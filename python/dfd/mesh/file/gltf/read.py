@@ -5,36 +5,52 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021; morph targets and ski
 
 from collections.abc import Callable, Mapping
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from dfd.common.colors import rgba, srgb
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.mesh.appearance import rgba, srgb
-from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.common.text import UniqueNames, shortened
+from dfd.common.weld import weld
+from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, are_numbers, is_index, item, objects, parents, primitives
-from dfd.mesh.file.gltf.header import read as read_header
+from dfd.mesh.file.gltf.header import (
+    MODES_READ,
+    Header,
+    are_numbers,
+    drop_extension,
+    extension,
+    is_index,
+    item,
+    objects,
+    parents,
+)
 from dfd.mesh.file.gltf.materials import Surface, read_surface
-from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
-from dfd.mesh.weld import weld
+from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance
+from dfd.mesh.file.scene_file import SceneFile
 
 _STRIP, _FAN = 5, 6
+INSTANCING, _VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
+_PLACING = ("translation", "rotation", "scale")
 _SEAM = 1e-4  # widest gap at a seam that is closed, as a fraction of the bounding box's longest side
 
 
-def parse(data: bytes, assets: AssetFolder) -> GltfData:
-    """Return the checked header and the data of a GLB or glTF file; raise ValueError if it is malformed."""
-    return GltfData(*read_header(data), assets)
+def read_scene(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFile:
+    """Return the scene of a GLB or glTF file, in the bind pose if `at_rest` is False; raise ValueError if malformed."""
+    content = GltfData(data, assets)
+    return SceneFile.of(path, read(content, at_rest=at_rest), gltf=content)
 
 
 def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
-    """Return the mesh instances of the scene, in the order of the file's nodes.
+    """Return the mesh instances of the scene, in the order of the file's nodes. Lines and points have no faces.
 
-    With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
+    With `at_rest`, skins and default morph weights are applied; otherwise both are ignored. In the header of `data`,
+    nodes of EXT_mesh_gpu_instancing get a child for each instance.
     """
+    expand_instances(data)
     header = data.header
     world = world_transforms(header)
     surface = cache(partial(read_surface, data))
@@ -51,7 +67,7 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
         mesh_name = str(meshes[mesh].get("name") or "")
         weights = morph_weights(content, meshes[mesh]) if at_rest else ()
         if (mesh, weights) not in geometries:
-            drawn = primitives(meshes[mesh])
+            drawn = [each for each in enumerate(objects(meshes[mesh], "primitives")) if is_read(each[1], data.header)]
             read_count += len(drawn)
             if read_count > MOST_PRIMITIVES:
                 raise ValueError(f"its scene shows more than {MOST_PRIMITIVES} primitives")
@@ -94,6 +110,10 @@ def _geometry(
     if positions.shape[1] != 3:
         raise ValueError(f"the positions of a primitive have {positions.shape[1]} coordinates")
     vertices = positions.astype(np.float64)
+    shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
+    stored = None if shown is vertices else vertices
+    if primitive.get("mode", 4) not in MODES_READ:
+        return Geometry(shown, np.zeros((0, 3), np.int64), stored=stored)
 
     def values(name: str, *widths: int) -> NDArray[Any] | None:
         """Return the attribute `name`; None if it is missing, or its numbers of rows or columns do not fit."""
@@ -114,7 +134,6 @@ def _geometry(
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
     own = {name: values(name) for name in primitive["attributes"] if name.startswith("_")}
-    shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
     return Geometry(
         shown,
         triangles(data.corners(primitive), primitive.get("mode", 4)),
@@ -123,7 +142,7 @@ def _geometry(
         colors,
         material=None if surface is None else surface.material,
         attributes={name: np.array(each) for name, each in own.items() if each is not None},
-        stored=None if shown is vertices else vertices,
+        stored=stored,
     )
 
 
@@ -152,22 +171,60 @@ def from_below(uv: NDArray[Any], transform: Float64 | None) -> Float64:
     return placed
 
 
+def is_read(primitive: Header, header: Header) -> bool:
+    """Return whether a primitive has faces, or is of lines or points with positions that can be read."""
+    position = primitive.get("attributes", {}).get("POSITION")
+    return primitive.get("mode", 4) in MODES_READ or item(header, "accessors", position) is not None
+
+
+def expand_instances(data: GltfData) -> None:
+    """Give nodes with EXT_mesh_gpu_instancing a child for each instance, in place of their mesh and this extension.
+
+    The format: Khronos Group, "EXT_mesh_gpu_instancing", 2021.
+    """
+    nodes = data.header.get("nodes", [])
+    for node in list(nodes):
+        instancing = extension(node, INSTANCING)
+        if instancing is None or "mesh" not in node:
+            continue
+        own = {name: data.accessor(index) for name, index in instancing.get("attributes", {}).items()}
+        kept = {name: own[name.upper()].tolist() for name in _PLACING if name.upper() in own}
+        counts = {len(values) for values in kept.values()}
+        if len(counts) > 1 or max(counts, default=0) + len(nodes) > MOST_INSTANCES:
+            raise ValueError(f"a node has {shortened(counts)} instances, and all nodes at most {MOST_INSTANCES}")
+        shared = {name: node.pop(name) for name in ("mesh", "skin", "weights") if name in node}
+        shared |= {"name": node["name"]} if "name" in node else {}
+        first = len(nodes)
+        nodes += [
+            shared | {name: values[index] for name, values in kept.items()} for index in range(max(counts, default=1))
+        ]
+        node["children"] = [*node.get("children", []), *range(first, len(nodes))]
+        drop_extension(data.header, node, INSTANCING)
+
+
 def shown_nodes(header: Header) -> set[int]:
-    """Return the nodes of the default scene; all nodes if the file has no scene."""
+    """Return the visible nodes of the default scene; those of the whole file if it has no scene."""
     nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
+    hidden = {i for i, node in enumerate(nodes) if (extension(node, _VISIBILITY) or {}).get("visible") is False}
     if not scenes:
-        return set(range(len(nodes)))
+        below = parents(header)
+        return _reached([i for i in range(len(nodes)) if i not in below], nodes, hidden)
     index = header.get("scene", 0)
     if not is_index(index, len(scenes)):
         raise ValueError(f"its default scene has the index {shortened(index)}, but the file has {len(scenes)} scenes")
     roots = scenes[index].get("nodes", [])
     if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
         raise ValueError("its scene has nodes that do not exist")
-    found = set(roots)
-    layer = found
-    while layer:
-        layer = {child for node in layer for child in nodes[node].get("children", [])} - found
+    return _reached(roots, nodes, hidden)
+
+
+def _reached(roots: list[int], nodes: list[Header], hidden: set[int]) -> set[int]:
+    """Return the nodes that are reached from the indices `roots` without passing a hidden node."""
+    found: set[int] = set()
+    layer = set(roots)
+    while layer := layer - found - hidden:
         found |= layer
+        layer = {child for node in layer for child in nodes[node].get("children", [])}
     return found
 
 
@@ -198,6 +255,8 @@ def _local_transform(node: Header, index: int) -> Float64 | None:
 
     if "matrix" in node:
         return cast(Float64, numbers("matrix", [0.0] * 16).reshape(4, 4).T)
+    from scipy.spatial.transform import Rotation
+
     result = np.eye(4)
     if "rotation" in node or "scale" in node:
         turn = numbers("rotation", [0.0, 0.0, 0.0, 1.0])

@@ -8,37 +8,42 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from dfd.common.edits import Edits, rows_as_text
+from dfd.common.images import image_format
 from dfd.common.linear_algebra import Float64, Int32
-from dfd.mesh.file.assets import AssetFolder, image_format
-from dfd.mesh.file.edits import Edits, rows_as_text
+from dfd.common.text import decoded
+from dfd.common.weld import weld
+from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.obj.write import Companions
-from dfd.mesh.file.scene_file import FileSource
-from dfd.mesh.weld import weld
 
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".webp")
 
 
-def encode(target: Path, vertices: Float64, source: FileSource, normals: Float64) -> dict[str, bytes]:
-    """Return a dictionary from file names to contents: the OBJ file `target` with moved vertices, and its materials.
+def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return the contents of files by name: the OBJ file with moved vertices, and its materials.
 
-    Only `vertices` (V, 3) that have moved get new text. `normals` (R, 3) has a row for each vertex of each primitive,
-    NaN for a missing normal. Materials are copied only if `target` is in another folder than the source file.
+    Only vertices that have moved get new text. Materials are copied only if the file is written to another folder.
     """
-    assert source.corner_rows is not None
-    text = parse(source.data.tobytes())
-    changed = (vertices != text.positions).any(axis=1)
-    edits = Edits(text.data)
-    edits.replace(text.position_spans[changed], rows_as_text(vertices[changed]))
-    _edit_normals(edits, text, source.corner_rows, normals)
+    scene, target, corner_rows = saving.file, saving.target, saving.source.corner_rows
+    assert scene.path is not None
+    assert corner_rows is not None
+    data = saving.source.data.tobytes()
+    text = parse(data)
+    changed = (saving.vertices != scene.vertices).any(axis=1)
+    edits = Edits(data)
+    edits.replace(text.position_spans[changed], rows_as_text(saving.vertices[changed]))
+    if changed.any():
+        _edit_normals(edits, text, corner_rows, saving.of_rows())
     companions = Companions(target)
-    if target.parent.resolve() != source.path.parent.resolve():
-        _rename_libraries(edits, text, *_copied_materials(text, source.path.parent, companions))
-    return {target.name: edits.result(), **companions.files}
+    if target.parent.resolve() != scene.path.parent.resolve():
+        _rename_libraries(edits, text, *_copied_materials(text, scene.path.parent, companions))
+    return {target.name: edits.result(), **companions.files}, np.zeros(0)
 
 
-def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
+def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[bytes | None, set[bytes]]:
     """Copy the materials that an OBJ file uses, and their textures, from the folder `source` to `companions`.
 
     Only textures that are valid images are copied. Return the name of the new MTL file, which is None if the OBJ file
@@ -48,28 +53,28 @@ def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tu
     materials, read = used_materials(text, assets)
     if not materials:
         return None, read
-    copied: list[str] = []
+    copied: list[bytes] = []
     for name, lines in materials.items():
-        copied += [f"newmtl {name}", *(_with_copied_picture(line, assets, companions) for line in lines), ""]
-    return companions.add_library("".join(f"{line}\n" for line in copied)), read
+        copied += [b"newmtl " + name, *(_with_copied_picture(line, assets, companions) for line in lines), b""]
+    return companions.add_library(b"".join(line + b"\n" for line in copied)).encode(), read
 
 
-def _with_copied_picture(line: str, assets: AssetFolder, companions: Companions) -> str:
+def _with_copied_picture(line: bytes, assets: AssetFolder, companions: Companions) -> bytes:
     name = picture_name(line)
     if not name:
         return line
     try:
-        data = assets.read(name)
+        data = assets.read(decoded(name))
         kind = image_format(data)
     except (ValueError, OSError):  # the reference stays
         return line
-    path = PurePosixPath(name.replace("\\", "/"))
+    path = PurePosixPath(decoded(name).replace("\\", "/"))
     plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind}"
-    added = companions.add(plain, data)
+    added = companions.add(plain, data).encode()
     return line[: len(line) - len(name)] + added if line.endswith(name) else line.replace(name, added)
 
 
-def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[str]) -> None:
+def _rename_libraries(edits: Edits, text: ObjText, name: bytes | None, read: set[bytes]) -> None:
     """In `mtllib` lines, replace all MTL files in `read` by the MTL file `name`, or remove them if `name` is None."""
     ends = np.flatnonzero(np.frombuffer(text.data + b"\n", np.uint8) == ord("\n"))
     for line, keyword, rest in text.statements:
@@ -78,7 +83,9 @@ def _rename_libraries(edits: Edits, text: ObjText, name: str | None, read: set[s
             left = [each for each in named if each not in read]
             start, end = int(ends[line - 1]) + 1 if line else 0, int(ends[line])
             end -= text.data[start:end].endswith(b"\r")
-            edits.replace([(start, end)], ["\n".join(f"mtllib {each}" for each in [name, *left] if each).encode()])
+            names = [each for each in [name, *left] if each]
+            if names != named:
+                edits.replace([(start, end)], [text.line_break.join(b"mtllib " + each for each in names)])
             name = None
 
 
@@ -101,7 +108,9 @@ def _edit_normals(edits: Edits, text: ObjText, corner_rows: Int32, normals: Floa
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.replace([(begin, begin)], [b"".join(b"vn %s\n" % each for each in rows_as_text(directions[~keeps]))])
+    edits.replace(
+        [(begin, begin)], [b"".join(b"vn " + each + text.line_break for each in rows_as_text(directions[~keeps]))]
+    )
     # The new lines stand before the first face, so the indices of all normals after this place increase.
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()

@@ -1,34 +1,47 @@
 """Read an OBJ file as triangle geometries, one for each part and material."""
 
+import codecs
 import re
 from pathlib import Path
 
 import numpy as np
 
-from dfd.common.linear_algebra import Int32, Int64
-from dfd.mesh.appearance import WHITE, Material, rgba
+from dfd.common.colors import rgba
+from dfd.common.linear_algebra import Float64, Int32, Int64
+from dfd.common.polygons import distinct_rows, long_faces, ranges, triangulate
+from dfd.common.text import decoded, encoding_of
+from dfd.common.weld import first_occurrences
+from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.obj.text import ObjText, decoded, parse
-from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
+from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.primitives import Geometry, MeshInstance
-from dfd.mesh.weld import first_occurrences
+from dfd.mesh.file.scene_file import FileSource, SceneFile
 
-_PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
-_OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
+_PICTURES = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")  # prefixes of MTL keywords that name an image
+_OPTIONS = re.compile(rb"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
 
 _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
-def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
+def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFile:
+    """Return the scene of an OBJ file; raise ValueError if the file is malformed."""
+    text = parse(data)
+    instances, numbers, corner_rows = _instances(text, path, assets)
+    source = FileSource(np.frombuffer(data, np.uint8), numbers, corner_rows)
+    return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
+
+
+def _instances(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, Int32]:
     """Return the mesh instances, the index (R,) of each row's vertex in the file, and the row (C,) of each face corner.
 
     A row is a vertex of an instance. Parts are the objects (`o`) of the file, or its groups (`g`) if it has at most one
     object. Within a part, faces are sorted by material. Faces with fewer than three corners are skipped with a warning.
     Their corners have the row −1.
     """
-    materials = {name: _material(name, lines, assets) for name, lines in used_materials(text, assets)[0].items()}
+    used = used_materials(text, assets)[0]
+    materials = {name: _material(name.decode(text.encoding), lines, assets) for name, lines in used.items()}
     part_names, part = _parts(text, path.stem)
-    material_names, material = _state_at_faces(text, "usemtl", "")
+    material_names, material = _state_at_faces(text, "usemtl", b"")
     known = np.array([name in materials for name in material_names], bool)
     material = np.where(known[material], material, -1)  # all undefined materials count as one material
     faces = np.flatnonzero(long_faces(path, text.sizes, text.face_lines))
@@ -48,8 +61,8 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     own_rows, own_faces = np.split(rows[:, 1:], starts[1:]), np.split(triangles, np.cumsum(sizes - 2)[begins[1:] - 1])
     instances = []
     for face, start, own, drawn in zip(order[begins].tolist(), starts.tolist(), own_rows, own_faces, strict=False):
-        used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
-        geometry = _geometry(text, own, drawn - start, used)
+        own_material = materials.get(material_names[material[face]]) if material[face] >= 0 else None
+        geometry = _geometry(text, own, drawn - start, own_material)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
     return instances, rows[:, 1], corner_rows
 
@@ -70,13 +83,14 @@ def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | Non
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts, and the index (P,) of each face's part."""
-    none, *found = [_state_at_faces(text, keyword, default) for keyword in ("", "o", "g")]
+    none, *found = [_state_at_faces(text, keyword, b"") for keyword in ("", "o", "g")]
     several = [(names, part) for names, part in found if (part != part[:1]).any()]
     named = [(names, part) for names, part in found if part.any()]  # here, all faces have one name
-    return [*several, *named, none][0]
+    names, part = [*several, *named, none][0]
+    return [name.decode(text.encoding) or default for name in names], part
 
 
-def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
+def _state_at_faces(text: ObjText, keyword: str, default: bytes) -> tuple[list[bytes], Int64]:
     """Return the names after a keyword, `default` first, and the index (P,) of the name that applies to each face."""
     numbers, lines, values = {default: 0}, [-1], [0]
     for line, found, name in text.statements:
@@ -98,11 +112,12 @@ def face_groups(data: bytes) -> dict[str, Int64]:
     vertices = text.corners[kept, 0]
     found: dict[str, Int64] = {}
     for keyword in _GROUP_KEYWORDS:
-        names, state = _state_at_faces(text, keyword, "")
+        names, state = _state_at_faces(text, keyword, b"")
         state = np.repeat(state, text.sizes)[kept]
         ends = np.cumsum(np.bincount(state, minlength=len(names)))
         of_word: dict[str, list[Int64]] = {}
-        for name, own in zip(names, np.split(vertices[np.argsort(state, kind="stable")], ends[:-1]), strict=True):
+        shown = [name.decode(text.encoding) for name in names]
+        for name, own in zip(shown, np.split(vertices[np.argsort(state, kind="stable")], ends[:-1]), strict=True):
             for word in dict.fromkeys([name, *(name.split() if keyword == "g" else [])]):
                 of_word.setdefault(word, []).append(own)
         for word, members in of_word.items():
@@ -111,53 +126,65 @@ def face_groups(data: bytes) -> dict[str, Int64]:
     return found
 
 
-def picture_name(line: str) -> str:
-    """Return the image file that a line of an MTL file names, without options; "" if the line names none."""
-    keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
-    return _OPTIONS.sub("", rest).strip() if keyword.lower().startswith(_PICTURES) else ""
+def picture_name(line: bytes) -> bytes:
+    """Return the image file that a line of an MTL file names, without options; b"" if the line names none."""
+    keyword, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+    return _OPTIONS.sub(b"", rest).strip() if keyword.lower().startswith(_PICTURES) else b""
 
 
-def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[str, list[str]], set[str]]:
-    """Return the MTL lines of each material that the file uses, by its name, and the MTL files that could be read."""
-    used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
-    found: dict[str, list[str]] = {}
-    read, names = set(), list[str]()
+def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[bytes, list[bytes]], set[bytes]]:
+    """Return the MTL lines of each material that the file uses, by its name, and the MTL files that could be read.
+
+    Names are the bytes of the OBJ file. If an MTL file has another encoding, the decoded names decide.
+    """
+    used = dict.fromkeys(name for _, keyword, name in text.statements if keyword == "usemtl")
+    found: dict[bytes, list[bytes]] = {}
+    read, names = set(), list[bytes]()
     for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
         # A line names one MTL file, whose name may contain spaces, or several files separated by spaces.
-        names += [line] if " " not in line or _library(line, assets) is not None else line.split()
+        names += [line] if b" " not in line or _library(line, assets) is not None else line.split()
     for library in dict.fromkeys(names):
         content = _library(library, assets)
         if content is None:
-            assets.unreadable.add(library)
+            assets.unreadable.add(decoded(library))
             continue
         read.add(library)
         own = _material_lines(content)
-        found |= {name: own[name] for name in own if name in used and name not in found}
+        encoding = encoding_of(content)
+        by_text = {name.decode(encoding): lines for name, lines in own.items()}
+        for name in used:
+            lines = own.get(name, by_text.get(name.decode(text.encoding)))
+            if lines is not None:
+                found.setdefault(name, lines)
     return found, read
 
 
-def _library(name: str, assets: AssetFolder) -> str | None:
+def _library(name: bytes, assets: AssetFolder) -> bytes | None:
     try:
-        return decoded(assets.read(name))
+        return assets.read(decoded(name)).removeprefix(codecs.BOM_UTF8)
     except (ValueError, OSError):
         return None
 
 
-def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
+def _material(name: str, lines: list[bytes], assets: AssetFolder) -> Material:
     """Return a material with its texture or, if it has no texture, with its diffuse color.
 
     The diffuse color of a textured material is ignored, because programs disagree whether it multiplies the texture.
     """
-    color = picture = None
+    colors: dict[bytes, Float64] = {}
+    pictures: dict[bytes, str] = {}
     for line in lines:
-        keyword, *words = line.split()
-        if keyword.lower() == "kd" and len(words) >= 3:
+        keyword, *words = line.lower().split()
+        if keyword in (b"kd", b"ke") and len(words) >= 3:
             try:
-                color = np.clip([float(word) for word in words[:3]], 0, 1)
+                colors[keyword] = np.clip([float(word) for word in words[:3]], 0, 1)
             except ValueError:
                 continue
-        elif keyword.lower() == "map_kd":
-            picture = picture_name(line) or picture
+        elif keyword in (b"map_kd", b"map_ke") and picture_name(line):
+            pictures[keyword[4:]] = decoded(picture_name(line))
+    color, picture = colors.get(b"kd"), pictures.get(b"kd")
+    if picture is None and color is not None and not color.any():  # a black surface shows only the light that it emits
+        color, picture = colors.get(b"ke", color), pictures.get(b"ke")
     if picture is not None and (texels := assets.texture(picture, picture)) is not None:
         return Material(WHITE, texels, name=name)
     if picture is not None or color is None or not np.isfinite(color).all():
@@ -166,14 +193,14 @@ def _material(name: str, lines: list[str], assets: AssetFolder) -> Material:
     return Material((red, green, blue, 1.0), name=name)
 
 
-def _material_lines(content: str) -> dict[str, list[str]]:
+def _material_lines(content: bytes) -> dict[bytes, list[bytes]]:
     """Return the lines of each material of an MTL file, by its name, without the `newmtl` line."""
-    found: dict[str, list[str]] = {}
-    lines: list[str] = []
+    found: dict[bytes, list[bytes]] = {}
+    lines: list[bytes] = []
     for line in content.splitlines():
         words = line.split()
-        if words and words[0].lower() == "newmtl":
-            lines = found.setdefault(" ".join(words[1:]), [])
-        elif words and not words[0].startswith("#"):
+        if words and words[0].lower() == b"newmtl":
+            lines = found.setdefault(b" ".join(words[1:]), [])
+        elif words and not words[0].startswith(b"#"):
             lines.append(line.strip())
     return found

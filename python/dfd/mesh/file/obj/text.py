@@ -6,15 +6,12 @@ coordinates. NumPy parses all numbers of one keyword together, so that a file of
 
 import codecs
 import re
-import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.mesh.file.assets import shortened
+from dfd.common.text import decoded, encoding_of, numbers, readable_numbers, shortened
 
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")
@@ -36,7 +33,8 @@ class Tokens:
 class ObjText:
     """The content of an OBJ file. Indices and line numbers count from 0."""
 
-    data: bytes  # the text of the file, with continued lines joined
+    data: bytes  # the text of the file, with continued lines joined and as many bytes as the file
+    line_break: bytes  # a line feed, or the carriage return of files without one
     positions: Float64  # (N, 3) from the `v` lines
     position_spans: Int64  # (N, 2) bytes of `data` at which the coordinates of each position begin and end
     colors: Float64 | None  # (N, 3) from the `v` lines; None unless all `v` lines have colors
@@ -47,24 +45,20 @@ class ObjText:
     corner_spans: Int64  # (C, 2) bytes of `data` at which each face corner begins and ends
     sizes: Int64  # (P,) number of corners of each face
     face_lines: Int64  # (P,) line number of each face
-    statements: tuple[tuple[int, str, str], ...]  # (line number, keyword, rest) of `_STATEMENTS` lines
-
-
-def decoded(data: bytes) -> str:
-    """Decode text as UTF-8, or as Latin-1 if it is not valid UTF-8."""
-    try:
-        return data.decode()
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    statements: tuple[tuple[int, str, bytes], ...]  # (line number, keyword, rest) of `_STATEMENTS` lines
+    encoding: str  # the encoding of all these lines together
 
 
 def parse(data: bytes) -> ObjText:
     """Return the content of an OBJ file; raise ValueError if the line of a vertex or a face is malformed."""
-    data = data.removeprefix(codecs.BOM_UTF8)
-    data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
-    lines = _Lines(data)
+    # Each replacement keeps the length, so that positions in the text are positions in the file.
+    text = b"   " + data[3:] if data.startswith(codecs.BOM_UTF8) else data
+    text = text.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
+    line_break = b"\n" if b"\n" in text else b"\r"
+    if line_break == b"\r":
+        text = text.replace(b"\r", b"\n")
+    lines = _Lines(readable_numbers(text))
+    statements = lines.statements()
     vertices, uv_tokens, normal_tokens, faces = (lines.tokens(keyword) for keyword in (b"v", b"vt", b"vn", b"f"))
     values, first = _values(vertices, "v", at_least=3)
     normals, first_normal = _values(normal_tokens, "vn", at_least=3)
@@ -72,7 +66,8 @@ def parse(data: bytes) -> ObjText:
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
     second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single number is both u and v
     return ObjText(
-        data=data,
+        data=text,
+        line_break=line_break,
         positions=values[first[:, None] + np.arange(3)],
         position_spans=_spans(vertices, first),
         colors=_colors(values, first, vertices.counts),
@@ -83,7 +78,8 @@ def parse(data: bytes) -> ObjText:
         corner_spans=np.stack([faces.starts, faces.ends], axis=1) + np.repeat(faces.shifts, faces.counts)[:, None],
         sizes=faces.counts,
         face_lines=faces.lines,
-        statements=lines.statements(),
+        statements=statements,
+        encoding=encoding_of(b"\n".join(rest for _, _, rest in statements)),
     )
 
 
@@ -121,14 +117,14 @@ class _Lines:
         counts = np.diff(np.searchsorted(first, stops), prepend=0)
         return Tokens(lines, counts, first, end, text, shifts)
 
-    def statements(self) -> tuple[tuple[int, str, str], ...]:
+    def statements(self) -> tuple[tuple[int, str, bytes], ...]:
         """Return line number, keyword and further words of each line that names a part, a material or an MTL file."""
         found = []
         for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogum"))):
             words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
             keyword = words[0].decode("latin-1")
             if keyword in _STATEMENTS:
-                found.append((int(line), keyword, " ".join(decoded(words[1]).split()) if len(words) > 1 else ""))
+                found.append((int(line), keyword, b" ".join(words[1].split()) if len(words) > 1 else b""))
         return tuple(found)
 
 
@@ -139,25 +135,12 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64
     if len(short):
         line, count = tokens.lines[short[0]] + 1, tokens.counts[short[0]]
         raise ValueError(f"line {line}: {keyword!r} has {count} numbers, and {at_least} are needed")
-    values = _numbers(tokens.text, np.float64, len(tokens.starts))
+    values = numbers(tokens.text, np.float64, len(tokens.starts))
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
-        wrong = next((word for word in words if _numbers(word, np.float64, 1) is None), b"")
+        wrong = next((word for word in words if numbers(word, np.float64, 1) is None), b"")
         raise ValueError(f"{shortened(decoded(wrong))} in a {keyword!r} line is not a number")
     return values, first
-
-
-def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
-    """Return the `count` numbers of a text; None if the text does not consist of exactly `count` numbers."""
-    if not count:
-        return np.zeros(0, dtype)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # older versions of NumPy warn about text that is no number
-        try:
-            values = np.fromstring(text, dtype, sep=" ")
-        except (ValueError, DeprecationWarning):
-            return None
-    return values if len(values) == count else None
 
 
 def _spans(tokens: Tokens, first: Int64) -> Int64:
@@ -185,8 +168,8 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     plain = faces.text.replace(b"//", b"/0/")
     if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # corners such as `1/` and `1/2/`
         plain = re.sub(rb"/(?!\S)", b"/0", plain)
-    numbers = _numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
-    if numbers is None:
+    indices = numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
+    if indices is None:
         spans = zip(faces.starts.tolist(), faces.ends.tolist(), strict=True)
         wrong = (i for i, (start, end) in enumerate(spans) if not _CORNER.fullmatch(faces.text, start, end))
         raise _bad_face(faces, next(wrong, 0), "must consist of whole numbers")
@@ -195,7 +178,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     line = np.repeat(faces.lines, faces.counts)
     for column, lines in enumerate(counted):
         given = np.flatnonzero(slashes >= column)
-        found = numbers[first[given] + column]
+        found = indices[first[given] + column]
         relative = found < 0
         found[relative] += np.searchsorted(lines, line[given[relative]]) + 1
         outside = (found < 1) | (found > len(lines))
@@ -203,7 +186,7 @@ def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
             found[outside] = 0  # this becomes −1 below: the corner has no UV or normal
         elif outside.any():
             where = int(np.argmax(outside))
-            zero = numbers[first[given[where]]] == 0
+            zero = indices[first[given[where]]] == 0
             what = "names vertex 0, but the first is 1" if zero else f"names none of the {len(lines)} vertices"
             raise _bad_face(faces, int(given[where]), what)
         corners[given, column] = found - 1

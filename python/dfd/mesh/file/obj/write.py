@@ -7,40 +7,33 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.edits import rows_as_text
 from dfd.common.errors import one_line
-from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
+from dfd.common.files import read_regular
+from dfd.common.images import as_png
+from dfd.common.linear_algebra import Float64
+from dfd.common.text import UniqueNames, decoded
 from dfd.mesh.appearance import GRAY, Material
-from dfd.mesh.file.assets import as_png, read_regular
-from dfd.mesh.file.edits import rows_as_text
+from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name
-from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.primitives import Primitive, UniqueNames
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
 _LONGEST_NAME = 60  # characters; longer names of materials are cut, because file names of textures contain the names
 
 
-def encode(vertices: Float64, faces: Int32) -> bytes:
-    """Return an OBJ file with only vertices (V, 3) and faces (F, 3)."""
-    return _lines(b"v", vertices) + _faces([faces])
+def encode(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return the files of a mesh, by name: an OBJ file, and the MTL file and textures of its scene."""
+    if saving.scene is None:
+        text = text_lines(b"v", saving.vertices) + text_faces([saving.faces])
+        return {saving.target.name: text}, np.zeros(0)
+    complete = existing_completed(saving)
+    return _encode_scene(saving.target, saving.vertices, saving.scene, complete.moved), np.zeros(0)
 
 
-def encode_groups(
-    vertices: Float64, faces: Int32, uv: tuple[Float32, Int32] | None, groups: Sequence[tuple[str, Int64]]
-) -> bytes:
-    """Return an OBJ file with the faces (F, 3) in `groups`, each of which is a name and the indices of its faces.
-
-    `uv` holds texture coordinates (R, 2), with v pointing up, and the index (F, 3) of each face corner's coordinates.
-    """
-    text = [_lines(b"v", vertices), b"" if uv is None else _lines(b"vt", uv[0])]
-    for name, own in groups:
-        if len(own):
-            text += [f"g {name}\n".encode(), _faces([faces[own], None if uv is None else uv[1][own]])]
-    return b"".join(text)
-
-
-def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
+def _encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequence[Primitive]) -> dict[str, bytes]:
     """Return the files of a scene, by name: the OBJ file `target`, its MTL file and its textures.
 
     `vertices` (V, 3) are the positions of the mesh, and `moved` are the scene's primitives with moved normals.
@@ -59,11 +52,11 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
             body.append(f"o {one_line(part)}\n".encode())
         uv = each.geometry.uv
         if uv is not None:
-            body.append(_lines(b"vt", uv))
+            body.append(text_lines(b"vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
         if each.normals is not None:
-            body.append(_lines(b"vn", each.normals_to_scene(each.normals)))
+            body.append(text_lines(b"vn", each.normals_to_scene(each.normals)))
             columns[2] = local + normal_count
             normal_count += len(each.normals)
         used = library.add(each.geometry.material)
@@ -71,11 +64,11 @@ def encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Seque
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
-        body.append(_faces(columns))
-    head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
+        body.append(text_faces(columns))
+    head = f"mtllib {companions.add_library(library.text.encode())}\n".encode() if library.text else b""
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
-    return {target.name: head + _lines(b"v", positions) + b"".join(body), **companions.files}
+    return {target.name: head + text_lines(b"v", positions) + b"".join(body), **companions.files}
 
 
 class Companions:
@@ -99,9 +92,9 @@ class Companions:
         self.files[name] = data
         return name
 
-    def add_library(self, text: str) -> str:
+    def add_library(self, text: bytes) -> str:
         """Add the MTL file and return its name."""
-        return self.add(f"{self._target.stem}.mtl", text.encode())
+        return self.add(f"{self._target.stem}.mtl", text)
 
     def _is_free(self, name: str, data: bytes) -> bool:
         if name == self._target.name:
@@ -123,8 +116,8 @@ def _own_files(target: Path) -> set[str]:
             name = decoded(library).strip()
             if mine.fullmatch(name) and name.endswith(".mtl"):
                 found.add(name)
-                lines = decoded(read_regular(target.with_name(name))).splitlines()
-                found |= {each for each in map(picture_name, lines) if mine.fullmatch(each)}
+                lines = read_regular(target.with_name(name)).splitlines()
+                found |= {each for line in lines if mine.fullmatch(each := decoded(picture_name(line)))}
     except (OSError, ValueError):
         pass
     return {name for name in found if "/" not in name and "\\" not in name}
@@ -175,11 +168,11 @@ def _vertex_colors(scene: SceneFile) -> Float64 | None:
     return colors[scene.representative]
 
 
-def _lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
+def text_lines(kind: bytes, values: NDArray[np.floating]) -> bytes:
     return b"".join(b"%s %s\n" % (kind, row) for row in rows_as_text(values))
 
 
-def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
+def text_faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
     """Return the `f` lines of faces; `columns` are the indices (F, 3) of positions, UVs and normals, from 0."""
     corner = b"/".join(b"" if column is None else b"%d" for column in columns).rstrip(b"/")
     template = b"f %s\n" % b" ".join([corner] * 3)

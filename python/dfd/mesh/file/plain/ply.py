@@ -5,20 +5,24 @@ Colors, texture coordinates and textures follow conventions of later programs.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.colors import rgba
+from dfd.common.edits import Edits, far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.mesh.appearance import WHITE, Material, rgba
-from dfd.mesh.file.assets import AssetFolder, shortened
-from dfd.mesh.file.edits import Edits, far_origin
-from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.polygons import check_corners, long_faces, ranges, triangulate
-from dfd.mesh.file.primitives import Geometry
+from dfd.common.polygons import check_corners, long_faces, ranges, triangulate
+from dfd.common.text import decoded, numbers, readable_numbers, shortened
+from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.moved import Saving, placed
+from dfd.mesh.file.primitives import Geometry, MeshInstance
+from dfd.mesh.file.scene_file import FileSource, SceneFile
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _SPELLED = dict(zip(_CODES, ("char", "uchar", "short", "ushort", "int", "uint", "float", "double"), strict=True))
@@ -58,11 +62,19 @@ class _Content:
     elements: dict[str, _Element]
 
 
-def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
-    """Return the geometry of a file, the file's vertices (V, 3), and each geometry vertex's index (N,) in the file.
+def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFile:
+    """Return the scene of a PLY file.
 
     Raises ValueError if the file is malformed. Warns if faces with fewer than three corners are left out.
     """
+    geometry, vertices, numbers = _geometry(path, data, assets)
+    source = FileSource(np.frombuffer(data, np.uint8), numbers)
+    instances = [MeshInstance(path.stem, path.stem, geometry)]
+    return SceneFile.of(path, instances, own_vertices=vertices, source=source)
+
+
+def _geometry(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
+    """Return the geometry of a file, the file's vertices (V, 3), and each geometry vertex's index (N,) in the file."""
     content = _parse(data)
     vertex, face = content.elements.get("vertex", {}), content.elements.get("face", {})
     positions = _columns(vertex, ("x", "y", "z"))
@@ -74,29 +86,29 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float6
     texels = None if picture is None else assets.texture(picture, shortened(picture))
     uv = next((each for names in _UV_NAMES if (each := _columns(vertex, names)) is not None), None)
     of_corners = face.get("texcoord")
-    numbers = np.arange(len(positions))
+    origin = np.arange(len(positions))
     faces = corners[triangles]
     face_sizes = _indices(face)[1]
     if texels is not None and of_corners and of_corners.counts and np.array_equal(of_corners.sizes, 2 * face_sizes):
         pairs = of_corners.values.astype(np.float64).reshape(-1, 2)[kept]
         rows, where = np.unique(np.column_stack([corners, pairs]), axis=0, return_inverse=True)
-        numbers, uv, faces = rows[:, 0].astype(np.int64), rows[:, 1:], where.ravel()[triangles]
+        origin, uv, faces = rows[:, 0].astype(np.int64), rows[:, 1:], where.ravel()[triangles]
     normals, colors, face_colors = _columns(vertex, ("nx", "ny", "nz")), _colors(vertex), _colors(face)
     if face_colors is not None and len(face_colors) == len(face_sizes):
         face_colors = np.repeat(face_colors, np.maximum(face_sizes - 2, 0), axis=0)
     if face_colors is not None and len(face_colors) != len(faces):  # triangle strips of the file have no colors
         face_colors = None
     geometry = Geometry(
-        positions[numbers],
+        positions[origin],
         faces,
-        None if normals is None else normals[numbers],
+        None if normals is None else normals[origin],
         uv,
-        None if colors is None else colors[numbers],
+        None if colors is None else colors[origin],
         face_colors,
         None if texels is None else Material(WHITE, texels),
-        {name: each.values[numbers] for name, each in vertex.items() if each.counts is None and name not in _KNOWN},
+        {name: each.values[origin] for name, each in vertex.items() if each.counts is None and name not in _KNOWN},
     )
-    return geometry, positions, numbers
+    return geometry, positions, origin
 
 
 def _polygons(path: Path, face: _Element, strips: _Element, count: int) -> tuple[Int64, Int64, Bool]:
@@ -186,10 +198,7 @@ def _parse(data: bytes) -> _Content:
         raise ValueError("its header does not name a known format")
     start = 2 if body[:2] == b"\r\n" else 1  # the line break after the header
     if not order:  # parse a text file like a binary file of 64-bit floats
-        try:
-            body, start = np.array(body.split(), np.float64).tobytes(), 0
-        except ValueError as error:
-            raise ValueError(f"its body must consist of numbers: {shortened(str(error))}") from error
+        body, start = _text_as_floats(body), 0
     content = _Content(len(head) + len(mark), order, picture, {})
     for name, count, properties in layout:
         if count > len(body):
@@ -200,6 +209,15 @@ def _parse(data: bytes) -> _Content:
             each.values = _typed(each.values, each.dtype)
         content.elements.setdefault(name, {each.name: each for each in properties})
     return content
+
+
+def _text_as_floats(body: bytes) -> bytes:
+    words = body.split()
+    found = numbers(readable_numbers(body), np.float64, len(words))
+    if found is None:
+        wrong = next((word for word in words if numbers(readable_numbers(word), np.float64, 1) is None), b"")
+        raise ValueError(f"its body must consist of numbers, got {shortened(decoded(wrong))}")
+    return found.tobytes()
 
 
 def _cut_off(name: str, count: int) -> ValueError:
@@ -266,11 +284,12 @@ def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     return values.astype(dtype)
 
 
-def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
-    """Return the PLY file `data` with new `vertices` (V, 3) and `normals` (V, 3); for NaN, the old number stays.
+def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return the source of `saving` with new positions and normals; old numbers stay where these are missing.
 
     Byte order and number types stay, except that the type becomes a 64-bit float if the old type is too coarse.
     """
+    data, (vertices, normals) = saving.source.data.tobytes(), saving.of_vertices()
     content = _parse(data)
     edits, vertex, body = Edits(data), content.elements["vertex"], np.frombuffer(data, np.uint8)[content.start :]
     edges = np.flatnonzero(np.diff(body > ord(" "), prepend=False, append=False)).reshape(-1, 2) + content.start
@@ -284,21 +303,43 @@ def rewrite(data: bytes, vertices: Float64, normals: Float64) -> bytes:
                 if stored.kind != "f":
                     wide = not np.array_equal(column.astype(stored), column)
                 else:
-                    wide = stored.itemsize == 4 and names[0] == "x" and far_origin(vertices) is not None
+                    wide = stored.itemsize == 4 and names[0] == "x" and far_origin(saving.vertices) is not None
             if wide:
                 edits.replace([each.type_span], [b"double"])
                 stored = np.dtype(f"{content.order}f8")
-            rows = np.flatnonzero((column != before) | (wide and content.order != ""))
+            same = (column == before) | np.isnan(column)
+            rows = np.flatnonzero(~same | (wide and content.order != ""))
             if content.order:
                 spans = content.start + each.places[rows, None] + (0, each.dtype.itemsize)
                 edits.replace(spans, column[rows].astype(stored).view(f"V{stored.itemsize}").tolist())
             else:
                 new = column[rows].astype("f8" if stored.kind == "f" else stored).tolist()
                 edits.replace(edges[each.places[rows] // 8], [b"%a" % value for value in new])
-    return edits.result()
+    return {saving.target.name: edits.result()}, np.zeros(0)
 
 
-def encode(geometry: Geometry) -> bytes:
+def encode(saving: Saving) -> tuple[dict[str, bytes], Float64]:
+    """Return a binary PLY file. Several primitives are merged; textures, which PLY cannot store, become colors."""
+    return {saving.target.name: _encoded(_merged(saving))}, np.zeros(0)
+
+
+def _merged(saving: Saving) -> Geometry:
+    scene, vertices, faces, look = saving.scene, saving.vertices, saving.faces, saving.look
+    if scene is not None and len(saving.moved) == 1:
+        first = existing_completed(saving).moved[0]
+        geometry, material = first.geometry, first.geometry.material or Material(is_default=True)
+        if geometry.uv is None or (material.texture is None and not material.is_default):
+            normals = None if first.normals is None else first.normals_to_scene(first.normals)
+            local = scene.local_faces(first).astype(np.int64)
+            return replace(geometry, vertices=placed(first, vertices, scene)[0], faces=local, normals=normals)
+    if look is None:
+        return Geometry(vertices, faces.astype(np.int64))
+    used_rows, corners = np.unique(look.corner_faces, return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    return Geometry(vertices[look.corners[used_rows]], corners, colors=look.corner_colors(corners, len(used_rows)))
+
+
+def _encoded(geometry: Geometry) -> bytes:
     """Return a binary PLY file; coordinates have 64 bits if 32-bit floats are too coarse."""
     vertex = _named("xyz", geometry.vertices, "<f4" if far_origin(geometry.vertices) is None else "<f8")
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64, Int64
 
+SAME = 1e-6  # largest change of a unit normal's components that counts as rounding
 COARSE = 1e-5  # largest accepted rounding error of 32-bit floats, as a fraction of the bounding box's diagonal
 
 

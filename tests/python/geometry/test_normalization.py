@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dfd.geometry.normalization import box_normalization, normalization
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normalization import box_normalization, normalization
 
 TRIANGLE = np.array([[1.0, 2, 3], [5, 2, 3], [1, 3, 3]])
 
