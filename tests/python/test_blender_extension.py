@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.common.distribution import DISTRIBUTION
 from dfd.field.architecture import Architecture
 
 FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
@@ -86,7 +87,7 @@ def test_the_manifest_names_the_wheels_beside_it():
     manifest = tomllib.loads(build.with_wheels(["a-1-py3-none-any.whl", "b-2-py3-none-any.whl"]))
     assert manifest["wheels"] == ["./wheels/a-1-py3-none-any.whl", "./wheels/b-2-py3-none-any.whl"]
     assert manifest["permissions"]
-    assert manifest["version"] == version("dfd")
+    assert manifest["version"] == version(DISTRIBUTION)
 
 
 def test_building_without_a_wheel_says_what_makes_one(tmp_path):
