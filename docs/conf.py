@@ -19,6 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "tools.docstrings",
     "tools.equations",
     "tools.examples",
     "tools.generated",
