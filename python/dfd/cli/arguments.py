@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 OF_THE_FIELD = re.compile(r"\s*(part|piece)@.")  # places that only the features of a field define
-NO_AXIS = "needs a part with an axis"  # in the message of `Deformer.add`
 # Formats of other programs, which Blender or another converter can turn into GLB.
 CONVERTIBLE: tuple[str, ...] = (
     ".fbx",
@@ -121,13 +120,7 @@ def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = No
 def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: Iterable[str] | None) -> None:
     """Add handles and fixed points to a session. A text of `fix` may end with a strength, as in "812:0.5"."""
     for text, given in handles:
-        place = find_place("--handle", text, session.mesh, session)
-        try:
-            session.add(place, **given)
-        except ArgumentError as error:
-            if NO_AXIS not in error.reason:
-                raise
-            raise ArgumentError(error.argument, f"{error.reason}{_better_level(session, place, given)}") from None
+        session.add(find_place("--handle", text, session.mesh, session), **given)
     for text, strength in map(fixed_place, fix or ()):
         session.fix(find_place("--fix", text, session.mesh, session), strength=strength)
 
@@ -138,17 +131,6 @@ def fixed_place(text: str) -> tuple[str, float]:
     if named in ("", "part", "group", "material", "ball", "box") or not is_number(last):
         return text, 1.0
     return named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
-
-
-def _better_level(session: Deformer, place: Place, given: Mapping[str, Any]) -> str:
-    """Return advice that names the nearest `--level` at which the handle holds a part with an axis."""
-    now = given.get("level") or 0
-    for level in (now - 1, now + 1, now - 2, now + 2):
-        with suppress(ValueError):
-            session.add(place, **{**given, "level": level})
-            session.undo()
-            return f"; with `--level` {level} it holds one"
-    return ""
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:

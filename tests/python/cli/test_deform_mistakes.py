@@ -7,9 +7,6 @@ import pytest
 from command_runs import failed, worked
 
 import dfd
-from dfd.cli.arguments import NO_AXIS
-from dfd.common.errors import ArgumentError
-from dfd.editing import verbs
 
 DEFORM = ("deform", "MESH", "--field", "FIELD")
 
@@ -93,25 +90,6 @@ def test_folders_and_formats_of_other_programs_get_advice(run, chair, command):
         run(name, ".", *rest), "`MESH` must be a file, but . is a folder: name one mesh in it, such as one.ply"
     )
     assert failed(run(name, "shape.FBX", *rest), "got shape.FBX: convert it to GLB, for example in Blender")
-
-
-def test_a_part_without_an_axis_leads_to_a_level_with_one(run, monkeypatch):
-    add = dfd.Deformer.add
-
-    def at_level(session, at, **given):
-        if given.get("level", 0) != -2:
-            raise ArgumentError("bend", f"{NO_AXIS}, and the handle holds none")
-        return add(session, at, **{name: value for name, value in given.items() if name != "bend"})
-
-    monkeypatch.setattr(dfd.Deformer, "add", at_level)
-    result = run(*DEFORM, "--handle", 1, "--bend", 30, "-o", "out.obj")
-    assert failed(
-        result, "`--bend` needs a part with an axis, and the handle holds none; with `--level` -2 it holds one"
-    )
-
-
-def test_the_session_says_what_the_advice_looks_for():
-    assert NO_AXIS in Path(verbs.__file__).read_text("utf-8")
 
 
 def test_deform_wants_something_to_write(run):
