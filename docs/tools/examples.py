@@ -1,7 +1,8 @@
 """Run the code on the pages, and insert its output and pictures.
 
 All `python` code blocks of a page share their variables. In `sh` code blocks, the lines that begin with `dfd` run as
-commands. If Python and a command write the same mesh file, its vertices must be equal. The build replaces these lines:
+commands. Each page runs in an empty folder of its own. If Python and a command write the same mesh file, its vertices
+must be equal. The build replaces these lines:
 
     <!-- output -->        the output of the code block above
     <!-- draw NAME -->     pictures of the page's variable NAME, which a code block above or below defines. A session
@@ -14,6 +15,7 @@ import io
 import os
 import re
 import shlex
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -33,14 +35,14 @@ from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
-FILES, PICTURES = BUILD / "files", BUILD / "pictures"
+FILES, PICTURES = BUILD / "files", BUILD / "pictures"  # FILES has a folder for each page
 STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 LATER = re.compile(r"^<!-- draw (\w+) -->$", re.MULTILINE)  # draws a variable that a later code block defines
 RESOLUTION = 360
 MARKS = ("handles", "fixed", "labels")  # the options of `picture` that draw marks
 TOLERANCE = 1e-4  # positions count as equal up to this fraction of the box's diagonal, because files store float32
 MARGIN = 6  # pixels around the shapes in a row of pictures
-SHAPES = "how_to/index"  # the page whose code makes the shapes of all pages
+LAST = "how_to/index"  # the page that shows pictures of other pages
 
 Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures from top to bottom
 log = logging.getLogger(__name__)
@@ -48,22 +50,20 @@ log = logging.getLogger(__name__)
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the functions that run the code when Sphinx reads a page."""
-    app.connect("builder-inited", _make_shapes)
+    app.connect("builder-inited", _make_folders)
     app.connect("env-before-read-docs", _show_last)
     app.connect("source-read", _run_page)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
 
 
-def _make_shapes(app: Sphinx) -> None:
+def _make_folders(app: Sphinx) -> None:
     FILES.mkdir(parents=True, exist_ok=True)
     PICTURES.mkdir(exist_ok=True)
-    if app.builder.name != "linkcheck":
-        _Page(SHAPES).run((Path(app.srcdir) / f"{SHAPES}.md").read_text(encoding="utf-8"))
 
 
 def _show_last(app: Sphinx, env: BuildEnvironment, names: list[str]) -> None:
-    """Let Sphinx read the page `SHAPES` last, because this page shows pictures of other pages."""
-    names.sort(key=SHAPES.__eq__)
+    """Let Sphinx read the page `LAST` last."""
+    names.sort(key=LAST.__eq__)
 
 
 def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
@@ -80,11 +80,13 @@ class _Page:
     def __init__(self, name: str) -> None:
         self.name, self.namespace = name, {"__name__": name}
         self.printed, self.drawn = "", 0
-        self.began = time.time() - 1
+        self.folder = FILES / name.replace("/", "-")
 
     def run(self, text: str) -> str:
         """Return the text of the page after its code has run."""
-        with contextlib.chdir(FILES):
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir()
+        with contextlib.chdir(self.folder):
             text = STEP.sub(self._step, text)
             return LATER.sub(lambda mark: self._draw(self.namespace[mark[1]]), text)
 
@@ -110,7 +112,7 @@ class _Page:
         words = shlex.split(line, comments=True)
         if not words or words[0] != "dfd":
             return ""
-        files = [file for file in FILES.glob("*.[go][lb][bj]") if file.stat().st_mtime > self.began]
+        files = [*self.folder.glob("*.glb"), *self.folder.glob("*.obj")]
         before = {file: (file.stat().st_mtime_ns, dfd.load(file).vertices) for file in files}
         result = CliRunner().invoke(command_line, words[1:])
         if result.exit_code:

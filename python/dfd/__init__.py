@@ -35,7 +35,7 @@ if _typing.TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.search import symmetry_planes
 
-# Stable names: they change only with a new major version.
+# Stable names: while versions begin with 0, they change only with a new minor version.
 __all__ = [
     "CompactFeatures",
     "Deformer",

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.common.distribution import DISTRIBUTION
 from dfd.field.architecture import Architecture
 
 FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
@@ -66,7 +67,7 @@ def test_weights_are_those_of_a_session_however_the_file_was_turned(shape, field
 
 
 def test_weights_in_blender_need_neither_torch_nor_pydantic():
-    left_out = ("torch", "pydantic", "rich", "typer", "onnx", "mapbox_earcut", "fast_simplification", "embreex")
+    left_out = ("torch", "pydantic", "rich", "typer", "mapbox_earcut", "fast_simplification", "embreex")
     code = "import runpy, sys; runpy.run_path(sys.argv[1]); print(sys.modules.keys() & set(sys.argv[2:]))"
     command = [sys.executable, "-c", code, str(FOLDER / "shapes.py"), *left_out]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "set()\n"
@@ -86,7 +87,7 @@ def test_the_manifest_names_the_wheels_beside_it():
     manifest = tomllib.loads(build.with_wheels(["a-1-py3-none-any.whl", "b-2-py3-none-any.whl"]))
     assert manifest["wheels"] == ["./wheels/a-1-py3-none-any.whl", "./wheels/b-2-py3-none-any.whl"]
     assert manifest["permissions"]
-    assert manifest["version"] == version("dfd")
+    assert manifest["version"] == version(DISTRIBUTION)
 
 
 def test_building_without_a_wheel_says_what_makes_one(tmp_path):

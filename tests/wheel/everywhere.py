@@ -1,4 +1,4 @@
-"""Build and repair the wheel, and test it in a fresh environment of every Python ≥ 3.10 on this machine.
+"""Build and repair the wheel, and test it in a fresh environment of every Python ≥ 3.11 on this machine.
 
 `python tests/wheel/everywhere.py [FOLDER]` writes the wheel to FOLDER. Each environment contains the wheel and the
 packages of `ALONE`, without torch. For the newest Python that torch supports, the test is repeated with torch.
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 ALONE = ["numpy", "nanobind-backend", "safetensors"]
-OLDEST = (3, 10)
+OLDEST = (3, 11)
 
 
 def main(folder: Path) -> int:
@@ -42,11 +42,14 @@ def main(folder: Path) -> int:
     return failed if found else 1
 
 
-def repaired(folder: Path) -> Path:
-    """Build the wheel into `folder` and return its path; on Linux, auditwheel sets the tag of supported systems."""
+def repaired(folder: Path, source: Path = ROOT) -> Path:
+    """Build the wheel of `source` into `folder` and return its path.
+
+    On Linux, auditwheel sets the tag of supported systems.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as place:
-        run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-c", "constraints.txt", "-w", place, ".")
+        run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-c", "constraints.txt", "-w", place, source)
         (built,) = Path(place).glob("*.whl")
         if not sys.platform.startswith("linux"):
             return built.rename(folder / built.name)
@@ -84,11 +87,11 @@ def candidates() -> Iterator[Path]:
     yield Path(sys.executable)
 
 
-def smoke(python: Path) -> bool:
+def smoke(python: Path, *options: str) -> bool:
     """Run the smoke test in another folder, so that Python imports the installed wheel, not the sources."""
     with tempfile.TemporaryDirectory() as elsewhere:
         bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        command = [python, "-I", ROOT / "tests/wheel/smoke.py"]
+        command = [python, "-I", ROOT / "tests/wheel/smoke.py", *options]
         return subprocess.run(command, cwd=elsewhere, env=bare, check=False).returncode == 0
 
 

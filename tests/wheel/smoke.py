@@ -1,19 +1,21 @@
 """Check that an installed wheel binds, poses and evaluates a field, with and without torch.
 
 Run `python tests/wheel/smoke.py` by the Python of the wheel's environment. If torch is installed, both must share one
-OpenMP runtime.
+OpenMP runtime. With `--page`, the app's page and the notices of its libraries must be there.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 import dfd
 import dfd._core as _core
+from dfd.common.distribution import DISTRIBUTION
 from dfd.field.architecture import Architecture
 
 WITH_TORCH = importlib.util.find_spec("torch") is not None
@@ -42,9 +44,19 @@ def main() -> None:
     np.testing.assert_allclose(posed[:, 1] - vertices[:, 1], 0.5 * weights[:, 0], atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-5)
     assert "torch" not in sys.modules, "dfd imported torch"
+    if "--page" in sys.argv:
+        page()
     if WITH_TORCH:
         beside_torch(features, results[0][0])
     print(sys.version.split()[0], *_core.instruction_sets(), "beside torch" if WITH_TORCH else "without torch")
+
+
+def page() -> None:
+    """Check that the app's page was installed, with the notices of the libraries that it contains."""
+    assert (Path(dfd.__file__).parent / "app/static/index.html").is_file(), "the app's page is missing"
+    files = [str(path) for path in metadata.files(DISTRIBUTION) or ()]
+    for notice in ("LICENSE", "THIRD_PARTY.md", "docs/learned.md"):
+        assert any(path.endswith(f"licenses/{notice}") for path in files), f"{notice} is missing"
 
 
 def random_field(random: np.random.Generator) -> dfd.Field:

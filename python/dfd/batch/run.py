@@ -17,6 +17,7 @@ from dfd.batch.inputs import Shape
 from dfd.batch.page import write_page
 from dfd.batch.record import Cause, Record, modified, read_record, write_record
 from dfd.batch.settings import BatchSettings
+from dfd.common.distribution import pip_install
 
 RETRIES = 1  # number of times that a task is repeated if its process dies, e.g. because other tasks used up the memory
 OBJECT_STORE = 128 * 2**20  # bytes that Ray reserves for the results of tasks, which are small
@@ -77,7 +78,7 @@ def import_ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise ValueError('`dfd batch` runs on Ray: pip install "dfd[batch]"') from None
+        raise ValueError(f"`dfd batch` runs on Ray: {pip_install('batch')}") from None
     return ray
 
 

@@ -22,6 +22,7 @@ from dfd.cli.export import export
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect, parts
 from dfd.cli.show import show
+from dfd.common.distribution import DISTRIBUTION
 
 app = typer.Typer(
     name="dfd",
@@ -35,7 +36,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"dfd {version('dfd')}")
+        typer.echo(f"dfd {version(DISTRIBUTION)}")
         raise typer.Exit()
 
 

@@ -8,6 +8,7 @@ from typer import Argument, Option
 
 from dfd.cli import options
 from dfd.cli.errors import say
+from dfd.common.distribution import pip_install
 from dfd.encoders.known import DEFAULT_ENCODER
 
 
@@ -41,7 +42,7 @@ def app(
         from dfd.app.web.launch import serve
         from dfd.app.web.safety import loopback
     except ImportError as error:
-        raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
+        raise ValueError(f"the app needs more packages ({error.name}): {pip_install('app')}") from None
     files = (None if path is None else OpenedFile(path.name, path.resolve()) for path in (mesh, field, edit))
     opened_mesh, opened_field, opened_edit = files
     start = SessionOptions(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dfd.batch.inputs import MESH_ENDINGS
 from dfd.cli.errors import say
 from dfd.common import check
 from dfd.common.errors import ArgumentError
@@ -22,6 +24,25 @@ if TYPE_CHECKING:
     from dfd.editing.points import Place
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+
+OF_THE_FIELD = re.compile(r"\s*(part|piece)@.")  # places that only the features of a field define
+# Formats of other programs, which Blender or another converter can turn into GLB.
+CONVERTIBLE: tuple[str, ...] = (
+    ".fbx",
+    ".usd",
+    ".usda",
+    ".usdc",
+    ".usdz",
+    ".dae",
+    ".blend",
+    ".3ds",
+    ".abc",
+    ".3mf",
+    ".max",
+    ".ma",
+    ".mb",
+)
+CONVERTIBLE += (".c4d", ".step", ".stp", ".iges", ".igs", ".x3d", ".wrl", ".vrm")
 
 
 def open_field(
@@ -44,14 +65,27 @@ def open_field(
     return dfd.Field.load(field, mesh=mesh, other_shape=force)
 
 
+def open_mesh(path: Path, stages: Stages | None = None) -> Mesh:
+    """Read the mesh in the file `path`. Raises ValueError with advice for folders and for formats of other programs."""
+    from dfd import load
+
+    if path.is_dir():
+        inside = sorted(each.name for each in path.iterdir() if each.suffix.lower() in MESH_ENDINGS)
+        example = f", such as {path / inside[0]}" if inside else ""
+        raise ValueError(f"`MESH` must be a file, but {path} is a folder: name one mesh in it{example}")
+    if path.suffix.lower() in CONVERTIBLE:
+        advice = "convert it to GLB, for example in Blender (File, Export, glTF 2.0)"
+        raise ValueError(f"`MESH` must end in {', '.join(MESH_ENDINGS)}, got {path}: {advice}")
+    with nullcontext() if stages is None else stages.stage("read"):
+        return load(path)
+
+
 def open_session(
-    mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
+    shape: Mesh, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
     """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`."""
-    from dfd import Deformer, load
+    from dfd import Deformer
 
-    with stages.stage("read"):
-        shape = load(mesh)
     opened = open_field(shape, field, preset=preset, progress=stages, **how)
     start = partial(Deformer.load, edit) if edit else Deformer
     session = start(shape, opened, other_shape=how.get("force", False))
@@ -60,26 +94,25 @@ def open_session(
     return session
 
 
-def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = None) -> Place:
+def find_place(option: str, text: str, mesh: Mesh, session: Deformer | None = None, *, quiet: bool = False) -> Place:
     """Return the place that `text` names on `mesh` (`dfd.editing.points.find`).
 
-    With a session, the text may name a part. If the text is no vertex index, also print the place that was found.
+    With a session, the text may name a part. If the text is no vertex index, also print the place that was found,
+    unless `quiet`.
     Raises ValueError with the name of `option` if the text names no place.
     """
     from dfd.editing.points import find
     from dfd.editing.verbs import place_of
 
     try:
-        if not re.match(r"\s*(part|piece)@.", text):
-            place, note = find(mesh, text)
-        elif session is not None:
+        if session is not None and OF_THE_FIELD.match(text):
             place = place_of(session.bound, text)
             note = f"{text} is {place}"
         else:
-            raise ArgumentError(option, f"cannot be {text!r} without `--field`, because parts need features")
+            place, note = find(mesh, text)
     except ArgumentError as error:
         raise ArgumentError(option, error.reason) from None
-    if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
+    if not quiet and not re.fullmatch(r"\s*[-+]?\d+\s*", text):
         say(f"{option} {note}")
     return place
 
@@ -88,12 +121,16 @@ def hold(session: Deformer, handles: Iterable[tuple[str, dict[str, Any]]], fix: 
     """Add handles and fixed points to a session. A text of `fix` may end with a strength, as in "812:0.5"."""
     for text, given in handles:
         session.add(find_place("--handle", text, session.mesh, session), **given)
-    for text in fix or ():
-        named, _, last = text.rpartition(":")
-        strength = 1.0
-        if named not in ("", "part", "group", "material", "ball", "box") and is_number(last):
-            text, strength = named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
+    for text, strength in map(fixed_place, fix or ()):
         session.fix(find_place("--fix", text, session.mesh, session), strength=strength)
+
+
+def fixed_place(text: str) -> tuple[str, float]:
+    """Return the place and the strength in a value of `--fix`, such as "812:0.5"."""
+    named, _, last = text.rpartition(":")
+    if named in ("", "part", "group", "material", "ball", "box") or not is_number(last):
+        return text, 1.0
+    return named, check.number(None, "--fix", float(last), minimum=0.0, maximum=1.0)
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
@@ -114,16 +151,16 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error
 
 
-def file_in(output: Path, source: Path) -> Path:
+def file_in(output: Path, source: Path, *, ending: str | None = None, replace: bool | None = None) -> Path:
     """Return `output`. If `output` is a folder, return the file with the name of `source` in this folder.
 
-    Raises ValueError if the result is `source` itself.
+    `ending` replaces the ending of that name. Raises ValueError if the result is `source` itself, unless `replace`.
     """
-    if not output.is_dir():
-        return output
-    written = output / source.name
-    if written.resolve() == source.resolve():
-        raise ValueError(f"`--output` must be another folder than that of {source}, which must not be overwritten")
+    written = output / (source.name if ending is None else source.with_suffix(ending).name)
+    written = written if output.is_dir() else output
+    if not replace and written.exists() and source.exists() and written.samefile(source):
+        remedy = "give another file or folder" + ("" if replace is None else ", or `--force` to replace the input")
+        raise ValueError(f"`--output` must not be the input, got {written}: {remedy}")
     return written
 
 

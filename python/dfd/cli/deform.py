@@ -9,16 +9,18 @@ from typer import Argument, Option
 
 from dfd.batch.inputs import MESH_ENDINGS, has_magic
 from dfd.cli import options
-from dfd.cli.arguments import check_output, file_in, hold, open_session
+from dfd.cli.arguments import check_output, file_in, hold, open_mesh, open_session
 from dfd.cli.deform_many import deform_many
 from dfd.cli.errors import say
 from dfd.cli.handles import handles, value_of
+from dfd.cli.rehearsal import check_edit, check_plane
 from dfd.editing.controls import CONTROLS
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.posing.transforms import MOTIONS
 
 FOR_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
 NOTHING_MOVED = 1  # exit code if the edit moves nothing
+FAR = 10  # a motion of more diagonals than this is probably in wrong units
 
 
 def deform(
@@ -69,8 +71,8 @@ def deform(
         bool,
         Option(
             "--force",
-            help="Accept a field or an edit of another shape. With several shapes, also deform shapes with a low"
-            " confidence; the picture marks these shapes as unsure.",
+            help="Accept a field or an edit of another shape, and an --output that replaces MESH. With several shapes,"
+            " also deform shapes with a low confidence; the picture marks these shapes as unsure.",
         ),
     ] = False,
     encoder: options.Encoder = DEFAULT_ENCODER,
@@ -110,7 +112,7 @@ def deform(
         raise ValueError("`--band` and `--symmetry-…` need `--symmetry`")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
-    output = None if output is None else file_in(output, mesh)
+    output = None if output is None else file_in(output, mesh, replace=force)
     check_output("--output", output, MESH_ENDINGS)
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
@@ -118,17 +120,29 @@ def deform(
     from dfd.common.progress import Stages
 
     stages = Stages()
-    deformer = open_session(mesh, field, stages, edit, preset, force=force, encoder=encoder)
-    shape = deformer.mesh
+    shape = open_mesh(mesh, stages)
+    check_edit(shape, held, fix, edit=edit, preset=preset, other_shape=force)
+    plane = None if symmetry is None else re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)
+    mirror = {name: value_of(value) for name, value in auto.items()}
+    if plane is not None:
+        check_plane(shape, plane, **mirror)
+    deformer = open_session(shape, field, stages, edit, preset, force=force, encoder=encoder)
     hold(deformer, held, fix)
-    if symmetry is not None:
-        plane = re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)  # the last comma becomes =
-        deformer.set_symmetry(plane, **{name: value_of(value) for name, value in auto.items()})
+    if plane is not None:
+        deformer.set_symmetry(plane, **mirror)
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):
         vertices = deformer.vertices
+    report = deformer.report()
+    if output is not None and report.warning is not None:
+        say(f"dfd: {report.warning}, so nothing is written")
+        raise typer.Exit(NOTHING_MOVED)
+    if report.farthest > FAR * shape.diagonal:
+        far = f"{report.farthest:.3g}, {report.farthest / shape.diagonal:.0f} times its diagonal"
+        say(f"dfd: warning: the shape moved by {far}: motions are in the units of the mesh")
 
+    replaced = output is not None and output.exists() and output.samefile(mesh)
     if output is not None:
         shape.save(output, vertices)
     if save_edit is not None:
@@ -139,10 +153,18 @@ def deform(
         with stages.stage("draw"):
             save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom)
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
-    report = deformer.report()
-    say(f"{written}: {report}")
-    if output is not None and report.warning is not None:
-        raise typer.Exit(NOTHING_MOVED)
+    say(f"{written}: {report}{'; the input was replaced' if replaced else ''}")
 
 
-options.add_options(deform, options.from_table({**MOTIONS, **CONTROLS}), after="handle")
+_tables = options.from_table(MOTIONS, panel="Motion of a handle") | options.from_table(
+    CONTROLS, panel="Controls of a handle"
+)
+options.add_options(deform, _tables, after="name")
+options.group_options(
+    deform,
+    {
+        "Handle": ("handle", "name", "fix"),
+        "Symmetry": ("symmetry", "band", "symmetry_candidates", "symmetry_threshold"),
+        "Output": ("output", "picture", "azimuth", "elevation", "zoom", "save_edit"),
+    },
+)

@@ -103,6 +103,8 @@ def deform_many(
 
 def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path | None) -> None:
     """Check, before slow work begins, that all files have valid and distinct names, and can be written."""
+    if output.exists() and not output.is_dir():
+        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {output}")
     taken: dict[str, Path] = {}
     for file in files:
         if file.suffix.lower() not in MESH_ENDINGS:
@@ -111,8 +113,6 @@ def _check(files: Sequence[Path], output: Path, fields: Path | None, sheet: Path
         if before is not file:
             raise ValueError(f"`MESH`: {before} and {file} would have the same name in {output}")
         file_in(output, file)
-    if output.exists() and not output.is_dir():
-        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {output}")
     if fields is not None and not fields.is_dir():
         raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {fields}")
     check_output("--output", output / "probe" if output.is_dir() else output)

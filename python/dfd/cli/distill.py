@@ -7,7 +7,7 @@ from typer import Option
 
 import dfd
 from dfd.cli import options
-from dfd.cli.arguments import check_output
+from dfd.cli.arguments import check_output, open_mesh
 from dfd.cli.errors import say
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -29,8 +29,7 @@ def distill(
     given = {name: value for name, value in settings_given.items() if value is not None}
     DistillSettings(**given)  # raises an error before the mesh is read
     stages = Stages()
-    with stages.stage("read"):
-        shape = dfd.load(mesh)
+    shape = open_mesh(mesh, stages)
     field = dfd.distill(shape, encoder, device=device, progress=stages, cache=cache, **given)
     field.save(output)
     origin = "" if "fit" in stages.seconds else ", from the cache"

@@ -6,14 +6,16 @@ from typing import Annotated, Literal
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import check_output, file_in, open_session
+from dfd.cli.arguments import check_output, file_in, open_mesh, open_session
 from dfd.cli.errors import say
+from dfd.cli.rehearsal import check_edit
+from dfd.encoders.known import DEFAULT_ENCODER
 
 
 def export(
     mesh: options.Mesh,
-    field: options.Field,
     edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
+    field: options.MadeField = None,
     output: Annotated[
         Path | None,
         Option("--output", "-o", metavar="FILE", help="A .glb or .gltf file; if baked, also .obj, .ply, .stl or .off."),
@@ -35,12 +37,15 @@ def export(
         Path | None, Option(metavar="FILE", help="An .npz or .safetensors file for the weights as arrays.")
     ] = None,
     preset: options.Preset = None,
-    force: options.Force = False,
+    encoder: options.Encoder = DEFAULT_ENCODER,
+    force: Annotated[
+        bool, Option("--force", help="Accept a field or an edit of another shape, and an --output that replaces MESH.")
+    ] = False,
 ) -> None:
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
-    output = None if output is None else file_in(output, mesh.with_suffix(".glb"))
+    output = None if output is None else file_in(output, mesh, ending=".glb", replace=force)
     most: int | str | None = influences
     if influences is not None and influences != "all":
         if not influences.isdecimal() or int(influences) < 1:
@@ -57,10 +62,12 @@ def export(
 
     stages = Stages()
     moments = () if poses is None else read_key_poses(poses)
-    session = open_session(mesh, field, stages, edit, preset, force=force)
+    shape = open_mesh(mesh, stages)
     if output is not None:
-        form_for(session.mesh, output, form)  # raises an error before slow work begins
-    with stages.stage("features", len(session.mesh.vertices)) as advance:
+        form_for(shape, output, form)  # raises an error before slow work begins
+    check_edit(shape, (), (), edit=edit, other_shape=force)
+    session = open_session(shape, field, stages, edit, preset, force=force, encoder=encoder)
+    with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)
     if output is not None:
         with stages.stage("export"):

@@ -9,7 +9,8 @@ from dfd.cli.arguments import is_number
 from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
-OF_A_HANDLE = ("handle", "name", *MOTIONS, *CONTROLS)
+ABOUT = {**MOTIONS, **CONTROLS}
+OF_A_HANDLE = ("handle", "name", *ABOUT)
 HANDLES = "dfd.handles"  # key of `ctx.meta`; its value is a list with a dict of options for each handle
 
 
@@ -58,7 +59,8 @@ def handles(context: Any) -> list[tuple[str, dict[str, Any]]]:
         if place is not None:
             found.append((place, given))
         elif given:
-            raise ValueError(f"`--handle` must be given with {', '.join(given)}")
+            named = (f"`--{ABOUT[each].option or each}`" if each in ABOUT else f"`--{each}`" for each in given)
+            raise ValueError(f"`--handle` must be given with {', '.join(named).replace('_', '-')}")
     return found
 
 
@@ -76,9 +78,14 @@ def _value(flag: str, metavar: str, rest: list[str]) -> str:
     counts = {len(each.split()) for each in metavar.split("|") if each.isupper()}  # each upper-case word is a number
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
+    listed = rest[0].split(",") if is_text and 3 in counts else ()
+    if len(listed) > 1 and (wrong := [each for each in listed if not is_number(each)]):
+        raise ValueError(f"`{flag}` needs numbers, got {rest[0]}, and {wrong[0] or 'nothing'} is no number")
     if numbers not in counts and not is_text:
         needed = f"{' or '.join(map(str, sorted(counts)))} numbers" if 3 in counts else "a value"
         got = f"{numbers}: {' '.join(rest[:numbers])}" if numbers else "none"
+        if 3 in counts and numbers < 3 and rest[numbers:] and not rest[numbers].startswith("--"):
+            got += f", and {rest[numbers]} is no number"
         raise ValueError(f"`{flag}` needs {needed}, got {got}")
     value = ",".join(rest[: max(numbers, 1)])
     del rest[: max(numbers, 1)]

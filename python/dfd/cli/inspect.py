@@ -1,6 +1,7 @@
 """The commands `dfd inspect` and `dfd parts`: describe a mesh and its parts."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,7 +9,7 @@ from typing import Annotated, Any
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import check_output, open_field
+from dfd.cli.arguments import check_output, file_in, open_field, open_mesh
 from dfd.cli.errors import say
 
 
@@ -19,20 +20,36 @@ def inspect(
         str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
     as_json: Annotated[bool, Option("--json", help="Print everything as JSON.")] = False,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw the mesh.")] = None,
+    at: Annotated[
+        tuple[int, int] | None,
+        Option(metavar="X Y", help="Name the vertex and the point at this pixel of the picture, from the upper left."),
+    ] = None,
+    azimuth: options.Azimuth = None,
+    elevation: options.Elevation = 15.0,
+    zoom: options.Zoom = 1.0,
+    resolution: options.Resolution = 768,
     force: options.Force = False,
 ) -> None:
-    """Describe MESH: its size, its defects, and which way is up."""
-    from dfd import load, symmetry_planes
+    """Describe MESH: its size, its defects, and which way is up. The picture is the one that `dfd show MESH` draws."""
+    if at is not None and not all(0 <= each < resolution for each in at):
+        raise ValueError(f"`--at` must lie in 0 … {resolution - 1}, got {at[0]} {at[1]}")
+    check_output("--picture", picture, (".png",))
+
+    from dfd import symmetry_planes
     from dfd.common.files import plain
     from dfd.encoders.encode import load_encoder
     from dfd.encoders.known import DEFAULT_ENCODER
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
+    from dfd.pictures.pick import pick
+    from dfd.pictures.sheet import save_sheet
+    from dfd.pictures.viewpoint import azimuth_towards
     from dfd.symmetry.plane import plane_text
     from dfd.upright.candidates import Up, check_up, explicit_up
     from dfd.upright.find_up import find_up
 
-    shape = load(mesh)
+    shape = open_mesh(mesh)
     opened = None if field is None else open_field(shape, field, force=force)
     counts, said = topology.inspect(shape), check_up(up)
     try:
@@ -40,9 +57,11 @@ def inspect(
     except OSError:  # the encoder's weights are missing: report everything else
         found = Up()
     odd = findings(shape, counts)
+    low, high = shape.bounds.tolist()
     report: dict[str, Any] = {
         "file": str(mesh),
         **asdict(counts),
+        "box": {"minimum": low, "maximum": high},
         "up": {"axis": str(found), "sentence": found.sentence, **found.settings},
         "findings": [asdict(finding) for finding in odd],
     }
@@ -51,9 +70,20 @@ def inspect(
     components = f"{counts.components:,} component{'' if counts.components == 1 else 's'}"
     lines = [
         f"{mesh}: {counts.vertex_count:,} vertices, {counts.face_count:,} faces, {components}, {border}, {size}",
+        f"box: from {_numbers(low)} to {_numbers(high)}",
         f"up: {found.sentence}",
         *(f"odd: {finding.what} {finding.means}" for finding in odd),
     ]
+    look: dict[str, Any] = {"elevation": elevation, "zoom": zoom, "resolution": resolution}
+    look["azimuth"] = azimuth_towards(shape, []) if azimuth is None else azimuth
+    if picture is not None:
+        save_sheet(picture, shape, [("the mesh", {})], **look)
+        lines.append(f"picture: {picture}")
+    if at is not None:
+        picked = pick(shape, *at, **look)
+        report["at"] = None if picked is None else asdict(picked)
+        shown = "no surface" if picked is None else f"vertex {picked.vertex}, at point {_numbers(picked.point)}"
+        lines.append(f"pixel {at[0]} {at[1]}: {shown}")
     if opened is not None:
         settings = {name: value for name, value in opened.settings.items() if name != "losses"}
         planes = symmetry_planes(opened, shape)
@@ -68,6 +98,10 @@ def inspect(
     say(json.dumps(report, indent=2, default=plain) if as_json else "\n".join(lines), result=True)
 
 
+def _numbers(point: Sequence[float]) -> str:
+    return ",".join(f"{each:.4g}" for each in point)
+
+
 def parts(
     mesh: options.Mesh,
     field: options.MadeField = None,
@@ -78,7 +112,7 @@ def parts(
             "-o",
             metavar="FILE",
             help="A .json file with the part of every vertex, an .obj file with one group per part, or a .glb file with"
-            " one material slot per part.",
+            " one material slot per part. A .png file is a picture, as with --picture.",
         ),
     ] = None,
     picture: Annotated[Path | None, Option(metavar="PNG", help="Draw the parts with numbers.")] = None,
@@ -87,10 +121,12 @@ def parts(
     force: options.Force = False,
 ) -> None:
     """Cut MESH into its parts, such as legs and wheels. A part ends at creases, and a handle moves a whole part."""
-    check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
+    output = None if output is None else file_in(output, mesh, replace=force)
+    if output is not None and output.suffix.lower() == ".png" and picture is None:
+        output, picture = None, output
+    check_output("--output", output, (".json", ".obj", ".glb", ".gltf", ".png"))
     check_output("--picture", picture, (".png",))
 
-    from dfd import load
     from dfd.common.files import write_file
     from dfd.common.progress import Stages
     from dfd.export.export_parts import export_parts
@@ -98,8 +134,7 @@ def parts(
     from dfd.segmentation.parts import parts as parts_of
 
     stages = Stages()
-    with stages.stage("read"):
-        shape = load(mesh)
+    shape = open_mesh(mesh, stages)
     opened = open_field(shape, field, force=force, progress=stages)
     with stages.stage("parts"):
         found = parts_of(opened, shape).cut()

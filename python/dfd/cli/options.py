@@ -1,9 +1,10 @@
 """Options that several commands share, and functions that make options from tables, such as `CONTROLS`."""
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from typer import Argument, Option
 
@@ -15,7 +16,6 @@ from dfd.editing.presets import PRESETS
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
-Field = Annotated[Path, Option(metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")]
 MadeField = Annotated[
     Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.")
 ]
@@ -59,12 +59,34 @@ def add_options(command: Callable[..., None], annotations: Mapping[str, Any], af
     command.__annotations__ = {each.name: each.annotation for each in own}
 
 
-def from_table(table: Mapping[str, About]) -> dict[str, Any]:
-    """Return an option's annotation for each entry of `table`. The help shows the default of each preset."""
-    return {name: _row(name, about) for name, about in table.items()}
+def group_options(command: Callable[..., None], panels: Mapping[str, tuple[str, ...]]) -> None:
+    """Show options of `command` under headings in the help: `panels` has the names of the options of each heading."""
+    heading = {name: panel for panel, names in panels.items() for name in names}
+    own = [
+        each.replace(annotation=_under(each.annotation, heading[each.name])) if each.name in heading else each
+        for each in signature(command, eval_str=True).parameters.values()
+    ]
+    command.__signature__ = signature(command).replace(parameters=own)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in own}
 
 
-def _row(name: str, about: About) -> Any:
+def _under(annotation: Any, panel: str) -> Any:
+    """Return the annotation of an option with the heading `panel`. Other commands keep the option without it."""
+    kind, option = get_args(annotation)
+    option = copy(option)
+    option.rich_help_panel = panel
+    return Annotated[kind, option]
+
+
+def from_table(table: Mapping[str, About], *, panel: str | None = None) -> dict[str, Any]:
+    """Return an option's annotation for each entry of `table`. The help shows the default of each preset.
+
+    `panel` is the heading above these options in the help.
+    """
+    return {name: _row(name, about, panel) for name, about in table.items()}
+
+
+def _row(name: str, about: About, panel: str | None) -> Any:
     flag = "--" + (about.option or name).replace("_", "-")
     kind: Any = str
     if about.metavar is None:
@@ -73,7 +95,8 @@ def _row(name: str, about: About) -> Any:
         kind, flag = list[str], flag[:-1]
     own = name in PRESETS["default"].handle
     said = by_preset(*(getattr(PRESETS[preset], name) for preset in ("default", "paper"))) if own else False
-    return Annotated[kind | None, Option(flag, metavar=about.metavar, help=about.text, show_default=said)]
+    how: dict[str, Any] = {"metavar": about.metavar, "help": about.text, "show_default": said}
+    return Annotated[kind | None, Option(flag, rich_help_panel=panel, **how)]
 
 
 def by_preset(default: Any, *paper: Any) -> str:

@@ -6,25 +6,29 @@ from typing import Annotated, Any
 from typer import Option
 
 from dfd.cli import options
-from dfd.cli.arguments import check_output, find_place, hold, open_field
+from dfd.cli.arguments import check_output, hold, open_field, open_mesh
 from dfd.cli.errors import say
 from dfd.cli.handles import value_of
+from dfd.cli.rehearsal import check_edit
 from dfd.editing.controls import CONTROLS
+from dfd.encoders.known import DEFAULT_ENCODER
 
 
 def show(
     mesh: options.Mesh,
     output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
     field: Annotated[
-        Path | None, Option(metavar="FIELD", help="The shape's field; similar features get similar colors.")
+        Path | None,
+        Option(
+            metavar="FIELD",
+            help="The shape's field; for weights, by default from the cache, else distilled. Without --handle, similar"
+            " features get similar colors.",
+        ),
     ] = None,
+    encoder: options.Encoder = DEFAULT_ENCODER,
     preset: options.Preset = None,
     handle: Annotated[
-        list[str] | None,
-        Option(
-            metavar=options.PLACE,
-            help="Show the weights of a handle at this place, or without --field, mark the place; repeatable.",
-        ),
+        list[str] | None, Option(metavar=options.PLACE, help="Show the weights of a handle at this place; repeatable.")
     ] = None,
     fix: options.Fix = None,
     views: options.Views = 1,
@@ -39,30 +43,28 @@ def show(
 ) -> None:
     """Draw MESH alone, in the colors of its features, or with the weights of handles as a heat map."""
     given = {name: value_of(value) for name, value in controls.items() if value not in (None, [])}
-    if field is None and (given or fix):
-        raise ValueError("`--field` must be given: weights come from it")
     if (given or fix) and not handle:
         raise ValueError("`--handle` must be given with `--fix` and the controls of a handle")
-    if legend and (field is None or not handle):
-        raise ValueError("`--legend` needs `--field` and `--handle`: it is the color scale of their weights")
+    if legend and not handle:
+        raise ValueError("`--legend` needs `--handle`: it is the color scale of the weights")
     check_output("--output", output, (".png",))
 
-    from dfd import Deformer, load
+    from dfd import Deformer
     from dfd.common.progress import Stages
     from dfd.pictures.colors import feature_colors
     from dfd.pictures.sheet import save_sheet
 
     stages = Stages()
-    with stages.stage("read"):
-        shape = load(mesh)
+    shape = open_mesh(mesh, stages)
     rows: list[tuple[str, dict[str, Any]]] = []  # the title of each row of pictures, and the arguments of `picture`
-    if field is None:
-        marked = [find_place("--handle", text, shape).position for text in handle or ()]
-        rows = [("the mesh", {"handles": marked} if marked else {})]
+    if field is None and not handle:
+        rows = [("the mesh", {})]
     else:
-        opened = open_field(shape, field, force=force)
+        held = [(text, given) for text in handle or ()]
+        check_edit(shape, held, fix, preset=preset)
+        opened = open_field(shape, field, force=force, encoder=encoder, preset=preset, progress=stages)
         deformer = Deformer(shape, opened, preset=preset or "default", other_shape=force)
-        hold(deformer, [(text, given) for text in handle or ()], fix)
+        hold(deformer, held, fix)
         with stages.stage("features", len(shape.vertices)) as advance:
             deformer.prepare(advance)
         if handle:

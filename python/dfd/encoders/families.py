@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from dfd.common import check
+from dfd.common.distribution import pip_install
 from dfd.common.errors import ArgumentError
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import IMAGENET, ChannelStats, EncoderWeights, check_fit, unreadable
@@ -32,7 +33,7 @@ def build_family(weights: EncoderWeights, block: int | None) -> VisionModel:
     try:
         from transformers.models.auto.configuration_auto import CONFIG_MAPPING
     except ImportError:
-        reason = f'is a {kind} model, which needs transformers: pip install "dfd[encoders]"'
+        reason = f"is a {kind} model, which needs transformers: {pip_install('encoders')}"
         raise ArgumentError("encoder", reason) from None
     if kind not in CONFIG_MAPPING:
         raise ArgumentError("encoder", f"must be a model that the installed transformers has, got the type {kind!r}")

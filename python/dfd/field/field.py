@@ -239,6 +239,8 @@ class Field(ReadOnlyArrays):
 
         Parameters
         ----------
+        path
+            The file.
         mesh
             The mesh to which the field must belong (`dfd.field.compatibility.check_compatible`); None skips the check.
         other_shape

@@ -68,7 +68,7 @@ class VertexField(Field):
         return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Raise ValueError: a field of given features cannot be saved; save the array of features instead."""
+        """Raise ValueError for every `path`: given features cannot be saved as a field; save the array instead."""
         raise ValueError("VertexField.save: a field of given features cannot be saved: save the array of features")
 
     @cached_property

@@ -235,6 +235,8 @@ class Drag:
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
         """Return the vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the handles, in the order of `moving`.
 
+        The result is in the array `out` (V, 3), if it is given.
+
         Raises ValueError as `dfd.pose` does.
         """
         if tensors.tracked(transforms, out):

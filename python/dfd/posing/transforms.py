@@ -135,7 +135,7 @@ class Transform(ReadOnlyArrays, Brief):
         "auto" sets `pivot` or `axes` to None, and "spread" sets `joint` to None. `pivot_at` is the name of a new
         `pivot`. If it is left out, a new pivot has no name.
 
-        Raises ValueError as `Transform` does.
+        Warns if `scale` becomes 0 in all directions. Raises ValueError as `Transform` does.
         """
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         for name in ("pivot", "axes"):
@@ -147,7 +147,10 @@ class Transform(ReadOnlyArrays, Brief):
             changes["pivot_at"] = pivot_at
         if changes.get("joint") == "spread":
             changes["joint"] = None
-        return replace(self, **changes) if changes else self
+        result = replace(self, **changes) if changes else self
+        if "scale" in changes and not any(result.scale):
+            check.warn("Transform: `scale` is 0, so the held part collapses into its pivot", UserWarning)
+        return result
 
     @property
     def rests(self) -> bool:

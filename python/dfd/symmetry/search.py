@@ -45,6 +45,8 @@ def symmetry_planes(
 
     Parameters
     ----------
+    field, mesh
+        The shape and its feature field.
     threshold
         A number ε returns planes with a `SymmetryPlane.score` below ε; the paper uses 0.1. The best ε depends on the
         encoder and its block. "relative" returns planes with a `relative_score` of at most 0.25 and at most 3 r + 0.01,

@@ -94,7 +94,7 @@ def test_python_m_dfd_is_the_command(tmp_path):
         output, error = process.communicate(timeout=60)
     assert process.returncode == 2
     assert output == ""
-    assert error == "dfd: `--field` must be given: weights come from it\n"
+    assert error == "dfd: `--handle` must be given with `--fix` and the controls of a handle\n"
 
 
 def test_help_and_version_need_nothing_heavy():

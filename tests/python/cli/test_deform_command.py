@@ -141,9 +141,10 @@ def test_what_happened_is_said(run):
     moved = run(*DEFORM, "--handle", 40, "--translate", 0, 0.5, 0, "-o", "out.obj")
     assert worked(moved)
     assert re.search(r"out.obj: moved \d+ % of the vertices, up to 0.5; handle 1 arrived", moved.stderr)
-    rested = run(*DEFORM, "--handle", 40, "-o", "out.obj")
+    rested = run(*DEFORM, "--handle", 40, "-o", "again.obj")
     assert rested.exit_code == 1
-    assert "out.obj: nothing moved: no handle is moved, turned or scaled" in rested.stderr
+    assert "dfd: nothing moved: no handle is moved, turned or scaled, so nothing is written" in rested.stderr
+    assert not Path("again.obj").exists()
 
 
 def test_a_picture_is_taken_from_where_it_is_told(run):
@@ -161,4 +162,33 @@ def test_a_folder_gets_a_mesh_of_the_same_name(run, folder):
     assert worked(run("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", "out"))
     assert Path("out/chair.obj").is_file()
     same = run("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", folder)
-    assert failed(same, "`--output` must be another folder than that of")
+    assert failed(same, "chair.obj: give another file or folder, or `--force` to replace the input")
+
+
+def test_the_input_is_replaced_only_by_force(run, chair):
+    chair.save("own.obj")
+    before = Path("own.obj").read_bytes()
+    move = ("deform", "own.obj", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", "own.obj")
+    assert failed(run(*move), "`--output` must not be the input, got own.obj")
+    assert Path("own.obj").read_bytes() == before
+    result = run(*move, "--force")
+    assert worked(result)
+    assert result.stderr.endswith("; the input was replaced\n")
+    assert Path("own.obj").read_bytes() != before
+
+
+def test_a_motion_of_many_diagonals_warns(run, chair):
+    for length, warns in ((9 * chair.diagonal, False), (11 * chair.diagonal, True)):
+        result = run(*DEFORM, "--handle", 40, "--translate", 0, length, 0, "-o", "out.obj")
+        assert worked(result)
+        assert ("11 times its diagonal: motions are in the units of the mesh" in result.stderr) == warns
+
+
+def test_the_help_groups_the_options(run):
+    text = run("deform", "--help").output
+    for heading, option in (
+        ("Handle", "--handle"), ("Motion of a handle", "--translate"), ("Controls of a handle", "--reach"),
+        ("Symmetry", "--symmetry"), ("Output", "--output"),
+    ):  # fmt: skip
+        assert option in text.partition(f"─ {heading} ─")[2].partition("╰")[0], heading
+    assert "─ Output ─" not in run("show", "--help").output

@@ -1,9 +1,12 @@
 """Test errors of `dfd deform`, and that it then writes nothing."""
 
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from command_runs import failed, worked
+
+import dfd
 
 DEFORM = ("deform", "MESH", "--field", "FIELD")
 
@@ -12,7 +15,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
     ("arguments", "message"),
     [
         (("--fix", 3), "`--handle` or `--edit` must be given"),
-        (("--edit", "none.json", "--translate", 0, 0, 1), "`--handle` must be given with translation"),
+        (("--edit", "none.json", "--translate", 0, 0, 1), "`--handle` must be given with `--translate`"),
         (("--handle", 1, "--band", 0.1), "`--symmetry-…` need `--symmetry`"),
         (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry-…` need `--symmetry`"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
@@ -21,6 +24,8 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
         (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
         (("--handle", 1, "--translate", 0, "up", 0), "--translate"),
+        (("--fix", 1, "--edit", "none.json", "--mask-feather", 1), "`--handle` must be given with `--mask-feather`"),
+        (("--handle", 1, "--translate", 0, "5cm", 0), "`--translate` needs 3 numbers, got 1: 0, and 5cm is no number"),
         (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
         (("--handle", 1, "--rotate", 90), "`--rotate` needs 3 numbers, got 1: 90"),
         (("--handle", 1, "--handle", 2, "--scale", 0), "`--scale` must not be 0"),
@@ -42,6 +47,49 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
 def test_deform_names_what_is_wrong_and_writes_nothing(run, tmp_path, arguments, message):
     assert failed(run(*DEFORM, *arguments, "-o", "out.obj"), message)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--handle", 999999999), "`--handle` must lie in 0 … 2003, got 999999999"),
+        (("--handle", 1, "--fix", 10**6), "`--fix` must lie in 0 … 2003"),
+        (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
+        (("--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
+        (("--handle", 1, "--translate", "0,5cm,0"), "`--translate` needs numbers, got 0,5cm,0, and 5cm is no number"),
+        (("--handle", 1, "--scale", "1,2"), "`--scale` must be one number or 3"),
+        (("--handle", 1, "--bend", "much"), "`--bend` must be a number"),
+        (("--handle", 1, "--towards", "up"), "`--bend` must be given with `--towards`"),
+        (("--handle", 1, "--bend", 9, "--towards", "there"), "`--towards` must be one of up"),
+        (("--handle", 1, "--rotate", 0, 9, 0, "--pivot", "there"), "`--pivot` must be one of auto"),
+        (("--handle", 1, "--bend", 9, "--joint", "there"), "`--joint` must be one of spread"),
+        (("--handle", 1, "--bend", 9, "--joint", 2), "`--joint` must be at most 1"),
+        (("--handle", 1, "--locality", -1), "`--locality` must be at least 0"),
+        (("--handle", 1, "--mask", "x>99"), "`--mask`"),
+        (("--handle", 1, "--symmetry", "w"), "`--symmetry` must have the form x"),
+        (("--handle", 1, "--symmetry", "auto", "--band", -1), "`--band` must be at least 0"),
+        (("--handle", 1, "--symmetry", "auto", "--symmetry-candidates", "some"), "`--symmetry-candidates` must be one"),
+        (("--handle", 1, "--symmetry", "auto", "--symmetry-threshold", -1), "`--symmetry-threshold` must be above 0"),
+        (("--edit", "none.json"), "none.json: the edit could not be read"),
+    ],
+)
+def test_what_needs_no_field_is_checked_before_one_is_distilled(run, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.setattr(dfd, "distill", mock.Mock(side_effect=AssertionError("distilled")))
+    assert failed(run("deform", "MESH", *arguments, "-o", "out.obj"), message)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "command", [("deform", "--handle", 1, "-o", "out.obj"), ("show", "-o", "out.png"), ("inspect",), ("parts",)]
+)
+def test_folders_and_formats_of_other_programs_get_advice(run, chair, command):
+    chair.save("one.ply")
+    Path("shape.FBX").write_bytes(b"Kaydara FBX Binary")
+    name, *rest = command
+    assert failed(
+        run(name, ".", *rest), "`MESH` must be a file, but . is a folder: name one mesh in it, such as one.ply"
+    )
+    assert failed(run(name, "shape.FBX", *rest), "got shape.FBX: convert it to GLB, for example in Blender")
 
 
 def test_deform_wants_something_to_write(run):

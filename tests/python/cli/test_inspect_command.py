@@ -1,25 +1,47 @@
 """Test `dfd inspect`."""
 
 import json
+import re
 from unittest import mock
 
+import numpy as np
 import pytest
-from command_runs import worked
+from command_runs import drawn, failed, worked
 from mesh_files import CORNERS, CUBE
 
 from dfd import Mesh
+from dfd.pictures.picture import picture
 
 
-def test_inspect_prints_four_lines(run, folder):
+def test_inspect_prints_five_lines(run, folder):
     result = run("inspect", "MESH", "--field", "FIELD")
     assert worked(result)
     assert result.stderr == ""
-    mesh, up, field, planes = result.stdout.splitlines()
+    mesh, box, up, field, planes = result.stdout.splitlines()
     assert mesh.endswith("chair.obj: 2,004 vertices, 4,008 faces, 1 component, closed, 0.500684 × 0.989675 × 0.535896")
+    assert re.fullmatch(r"box: from -0.25\d*,0.0312\d*,-0.2\d* to 0.25\d*,1.02\d*,0.2\d*", box)
     assert up.startswith("up: +y")
     assert field == f"field: {folder / 'chair.field.safetensors'}, 16 dimensions, none"
     assert planes.startswith("symmetry planes: ")
-    assert len(run("inspect", "MESH").stdout.splitlines()) == 2
+    assert len(run("inspect", "MESH").stdout.splitlines()) == 3
+
+
+def test_inspect_names_the_vertex_under_a_pixel_of_the_picture_that_show_draws(run, chair):
+    look = ("--azimuth", 20, "--elevation", 30, "--resolution", 96)
+    assert worked(run("show", "MESH", *look, "-o", "show.png"))
+    result = run("inspect", "MESH", "--json", *look, "--picture", "inspect.png", "--at", 40, 30)
+    assert worked(result)
+    np.testing.assert_array_equal(drawn("inspect.png"), drawn("show.png"))
+    report = json.loads(result.stdout)
+    assert report["box"] == {"minimum": chair.bounds[0].tolist(), "maximum": chair.bounds[1].tolist()}
+    found = report["at"]
+    # A mark at the point lies at the pixel.
+    image = picture(chair, azimuth=20, elevation=30, resolution=96, handles=[found["point"]])
+    rows, columns = np.nonzero(np.abs(image - drawn("show.png")).max(axis=2) > 100)
+    assert (columns.mean(), rows.mean()) == pytest.approx((40, 30), abs=1)
+    assert found["vertex"] in chair.faces[found["face"]]
+    assert "pixel 0 0: no surface" in run("inspect", "MESH", "--at", 0, 0).stdout
+    assert failed(run("inspect", "MESH", "--at", 768, 0), "`--at` must lie in 0 … 767, got 768 0")
 
 
 @pytest.mark.slow

@@ -1,9 +1,12 @@
 """Test `dfd show`."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from command_runs import drawn, failed, worked
 
+import dfd
 from dfd.pictures.viewpoint import ASIDE, azimuth_towards
 
 
@@ -39,7 +42,6 @@ def test_a_handle_is_shown_from_its_own_side(chair):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--handle", 1, "--locality", 1), "`--field` must be given: weights come from it"),
         (("--field", "FIELD", "--fix", 1), "`--handle` must be given with `--fix` and the controls"),
         (("--field", "FIELD", "--handle", 10**6), "`--handle` must lie in 0 … 2003"),
         (("--field", "FIELD", "--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
@@ -54,12 +56,23 @@ def test_show_names_what_is_wrong(run, tmp_path, arguments, message):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_handle_is_marked_without_a_field(run):
-    small = ("--azimuth", 0, "--resolution", 64, "-o")
-    assert worked(run("show", "MESH", *small, "plain.png"))
-    assert worked(run("show", "MESH", "--handle", "front", *small, "marked.png"))
-    blue = drawn("marked.png") @ [-1, -1, 2]
-    assert blue.max() > 150 > (drawn("plain.png") @ [-1, -1, 2]).max()
+@pytest.mark.parametrize("command", ["show", "export"])
+def test_the_field_comes_from_the_cache(run, folder, monkeypatch, command):
+    asked = []
+
+    def distilled(mesh, encoder, **how):
+        asked.append((encoder, how["preset"]))
+        return dfd.Field.load(folder / "chair.field.safetensors")
+
+    monkeypatch.setattr(dfd, "distill", distilled)
+    move = ("--handle", 40, "--translate", 0, 0.2, 0, "--save-edit", "edit.json")
+    assert worked(run("deform", "MESH", "--field", "FIELD", *move))
+    arguments = {"show": ("--handle", 40, "--resolution", 64), "export": ("--edit", "edit.json")}[command]
+    names = {"show": ("out.png", "wanted.png"), "export": ("out.glb", "wanted.glb")}[command]
+    for name, field in zip(names, ((), ("--field", "FIELD")), strict=True):
+        assert worked(run(command, "MESH", *arguments, *field, "-o", name))
+    assert asked == [("dinov2-small-focus", "default")]
+    assert Path(names[0]).read_bytes() == Path(names[1]).read_bytes()
 
 
 @pytest.mark.parametrize("control", [("--reach", 0.3), ("--locality", 6), ("--mask", "x>0"), ("--fix", "900:0.3")])
@@ -84,4 +97,4 @@ def test_axes_zoom_and_the_scale_of_the_heat(run):
     np.testing.assert_array_equal(legend[:, :160], plain)
     assert legend.shape[1] > 160
     assert legend[:, 160:].std() > 10
-    assert failed(run("show", "MESH", "--legend", "-o", "none.png"), "`--legend` needs `--field` and `--handle`")
+    assert failed(run("show", "MESH", "--legend", "-o", "none.png"), "`--legend` needs `--handle`")

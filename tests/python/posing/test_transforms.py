@@ -152,3 +152,9 @@ def test_scale_acts_along_the_axes_that_it_is_given(rotation, scale):
     turn = rotation_matrix((0, 0, 90))
     for axis, factor in zip(axes, scale, strict=True):
         np.testing.assert_allclose(linear @ axis, factor * turn @ axis, atol=1e-9)
+
+
+def test_a_scale_of_zero_warns_that_the_part_collapses():
+    with pytest.warns(UserWarning, match="`scale` is 0, so the held part collapses into its pivot"):
+        assert Transform().changed(scale=0).scale == (0, 0, 0)
+    assert Transform().changed(scale=(0, 1, 1)).scale == (0, 1, 1)  # flattens, which can be wanted

@@ -16,7 +16,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
   return()
 endif()
 
-find_program(NPM npm)
+find_program(NPM NAMES npm.cmd npm)
 if(NPM)
   file(GLOB_RECURSE page_sources CONFIGURE_DEPENDS ${client}/src/* ${client}/public/*)
   list(FILTER page_sources EXCLUDE REGEX "/messages\\.ts$") # only types, which the built page does not contain

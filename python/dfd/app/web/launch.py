@@ -99,7 +99,7 @@ def check_built(static: Path = STATIC) -> None:
     """Raise FileNotFoundError if the page was not built; the message says how to build it."""
     if not (static / "index.html").is_file():
         raise FileNotFoundError(
-            f"the page is not built: run `npm ci && npm run build` in {static.with_name('client')} (Node 20 or newer), "
+            "the page is not built: install Node (20 or newer) and then dfd again from its sources, "
             "or install a released wheel"
         )
 

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.distribution import pip_install
 from dfd.common.linear_algebra import UInt8
 from dfd.common.text import shortened
 from dfd.mesh.file.assets import AssetFolder
@@ -183,7 +184,7 @@ class GltfData:
             try:
                 import DracoPy
             except ImportError as error:
-                raise ValueError(f"it is compressed with {DRACO}, which needs `pip install dfd[gltf]`") from error
+                raise ValueError(f"it is compressed with {DRACO}, which needs `{pip_install('gltf')}`") from error
             try:
                 decoded = DracoPy.decode(bytes(self.view(view)))
                 by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
@@ -197,7 +198,7 @@ class GltfData:
         try:
             import meshopt
         except ImportError as error:
-            raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
+            raise ValueError(f"it is compressed with {name}, which needs `{pip_install('gltf')}`") from error
         what = f"bufferView {index}, of {name},"
         buffer = reference(self.header, packed, "buffer", what)
         size = whole(packed, "byteLength", what)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeGuard, cast
 
 import numpy as np
 
+from dfd.common.distribution import pip_install
 from dfd.common.text import shortened
 
 Header = dict[str, Any]
@@ -28,7 +29,7 @@ COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9
 MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # `pip install dfd[gltf]` installs both
+_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # the extra gltf installs both
 # Prefixes of extensions that a file may require: they affect only its appearance, add unrelated data or are supported.
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
@@ -222,7 +223,7 @@ def _check_extensions(header: Header) -> None:
         library = _LIBRARIES.get(name)
         if library is not None:
             if importlib.util.find_spec(library) is None:
-                raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]` ({library})")
+                raise ValueError(f"it is compressed with {name}, which needs `{pip_install('gltf')}` ({library})")
         elif not name.startswith(_HARMLESS):
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 

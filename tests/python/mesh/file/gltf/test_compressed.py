@@ -117,7 +117,7 @@ def test_compression_without_its_library_is_refused_by_name(
     gltf = Gltf()
     gltf.header["extensionsRequired"] = [extension]
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
-    with pytest.raises(ValueError, match=rf"compressed with {extension}, which needs `pip install dfd\[gltf\]`"):
+    with pytest.raises(ValueError, match=rf"compressed with {extension}, which needs `pip install \"dfd\[gltf\]\"`"):
         load(write(tmp_path / "packed.glb", gltf.glb()))
 
 
