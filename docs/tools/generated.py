@@ -48,12 +48,13 @@ def controls() -> str:
 
 
 def distill_settings() -> str:
-    """Return a table of the settings of a distillation with their values in both presets."""
-    rows = ["| setting | default | paper | what it is |", "|---|---|---|---|"]
+    """Return a table of the settings of a distillation, with their values in both presets and the paper's source."""
+    rows = ["| setting | default | paper | source of *paper* | what it is |", "|---|---|---|---|---|"]
     default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
     for name, about in dfd.DistillSettings.model_fields.items():
         if name != "preset":
-            rows.append(f"| `{name}` | {getattr(default, name)} | {getattr(paper, name)} | {about.description} |")
+            values, source = (getattr(default, name), getattr(paper, name)), about.json_schema_extra["source"]
+            rows.append(f"| `{name}` | {values[0]} | {values[1]} | {source} | {about.description} |")
     return "\n".join(rows) + "\n"
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,15 +46,32 @@ def open_field(
     return dfd.Field.load(field, mesh=mesh, other_shape=force)
 
 
+def preset_of(preset: Preset | None, *edits: Path | None) -> Preset:
+    """Return `preset`. If it is None, return the preset of all `edits`, or "default" if they differ or cannot be read.
+
+    Errors in the files are reported when the edits are opened.
+    """
+    if preset is not None:
+        return preset
+    found = set()
+    for edit in edits:
+        with suppress(OSError, ValueError, AttributeError):
+            found.add(None if edit is None else json.loads(edit.read_text("utf-8-sig")).get("preset"))
+    return "paper" if found == {"paper"} else "default"
+
+
 def open_session(
     mesh: Path, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`."""
+    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`.
+
+    If `preset` is None, the preset of the edit also applies to a field that is distilled.
+    """
     from dfd import Deformer, load
 
     with stages.stage("read"):
         shape = load(mesh)
-    opened = open_field(shape, field, preset=preset, progress=stages, **how)
+    opened = open_field(shape, field, preset=preset_of(preset, edit), progress=stages, **how)
     start = partial(Deformer.load, edit) if edit else Deformer
     session = start(shape, opened, other_shape=how.get("force", False))
     if preset is not None:

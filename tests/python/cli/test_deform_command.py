@@ -1,14 +1,17 @@
 """Test the output of `dfd deform`."""
 
 import re
+import warnings
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
 import pytest
 from command_runs import drawn, failed, worked
+from made_field import field_of
 
 import dfd
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import controls_of
 from dfd.editing.edit_file import read_edit
 from dfd.field.field import Field
@@ -162,3 +165,25 @@ def test_a_folder_gets_a_mesh_of_the_same_name(run, folder):
     assert Path("out/chair.obj").is_file()
     same = run("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", folder)
     assert failed(same, "`--output` must be another folder than that of")
+
+
+@pytest.mark.parametrize(
+    ("command", "given", "wanted"),
+    [("deform", (), "paper"), ("export", (), "paper"), ("deform", ("--preset", "default"), "default")],
+)
+def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch, command, given, wanted):
+    def distill(mesh, *_, preset, **__):
+        asked.append(preset)
+        field = field_of(mesh)
+        field.settings = DistillSettings(preset=preset).as_dict()
+        return field
+
+    asked: list[str] = []
+    monkeypatch.setattr(dfd, "distill", distill)
+    move = ("--handle", 40, "--translate", 0, "5%", 0)
+    assert worked(run("deform", "MESH", "--field", "FIELD", "--preset", "paper", *move, "--save-edit", "edit.json"))
+    output = "out.obj" if command == "deform" else "out.npz"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert worked(run(command, "MESH", "--edit", "edit.json", *given, "-o", output))
+    assert asked == [wanted]
