@@ -11,6 +11,7 @@ from typer.cli import get_docs_for_click
 
 import dfd
 from dfd.cli import app as commands
+from dfd.distillation.settings import source_of
 from dfd.editing.controls import CONTROLS
 
 MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
@@ -53,8 +54,8 @@ def distill_settings() -> str:
     default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
     for name, about in dfd.DistillSettings.model_fields.items():
         if name != "preset":
-            values, source = (getattr(default, name), getattr(paper, name)), about.json_schema_extra["source"]
-            rows.append(f"| `{name}` | {values[0]} | {values[1]} | {source} | {about.description} |")
+            values = f"{getattr(default, name)} | {getattr(paper, name)}"
+            rows.append(f"| `{name}` | {values} | {source_of(name)} | {about.description} |")
     return "\n".join(rows) + "\n"
 
 

@@ -238,6 +238,12 @@ def _extra(settings: type[DistillSettings], name: str) -> dict[str, Any]:
     return extra
 
 
+def source_of(name: str) -> Source:
+    """Return where the value of the setting `name` in the preset "paper" is from."""
+    source: Source = _extra(DistillSettings, name)["source"]
+    return source
+
+
 DistillSettings.__doc__ = f"""{DistillSettings.__doc__}
     Attributes
     ----------

@@ -10,7 +10,7 @@ import pytest
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from dfd.distillation.settings import DistillSettings
+from dfd.distillation.settings import DistillSettings, source_of
 
 
 @pytest.mark.parametrize(
@@ -59,6 +59,12 @@ def test_each_one_is_named_when_it_is_out_of_range(setting: dict[str, Any], mess
 def test_the_ablation_is_never_smoothed() -> None:
     ablation = DistillSettings(supervision="vertex", smoothing=0.5)
     assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
+
+
+def test_settings_that_the_paper_does_not_state_have_another_source() -> None:
+    stated = {"views", "resolution", "simplify_to", "supervision", "mirrored", "smoothing", "metric", "pieces"}
+    found = {name for name in DistillSettings.model_fields if source_of(name) == "paper"}
+    assert found == stated | {"preset", "layers", "steps", "epochs"}
 
 
 def test_each_one_is_described() -> None:
