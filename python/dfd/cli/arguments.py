@@ -7,7 +7,6 @@ import re
 import tempfile
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,14 +67,19 @@ def open_session(
     If `preset` is None, the preset of the edit also applies to a field that is distilled.
     """
     from dfd import Deformer, load
+    from dfd.editing.edit import with_preset
+    from dfd.editing.edit_file import read_edit
 
     with stages.stage("read"):
         shape = load(mesh)
     opened = open_field(shape, field, preset=preset_of(preset, edit), progress=stages, **how)
-    start = partial(Deformer.load, edit) if edit else Deformer
-    session = start(shape, opened, other_shape=how.get("force", False))
-    if preset is not None:
-        session.preset = preset
+    other = {"other_shape": how.get("force", False)}
+    if edit is None:
+        return Deformer(shape, opened, preset=preset or "default", **other)
+    if preset is None:
+        return Deformer.load(edit, shape, opened, **other)
+    session = Deformer(shape, opened, preset=preset, **other)
+    session.apply(with_preset(read_edit(edit, shape, **other), preset, shape))
     return session
 
 

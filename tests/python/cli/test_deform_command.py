@@ -168,10 +168,9 @@ def test_a_folder_gets_a_mesh_of_the_same_name(run, folder):
 
 
 @pytest.mark.parametrize(
-    ("command", "given", "wanted"),
-    [("deform", (), "paper"), ("export", (), "paper"), ("deform", ("--preset", "default"), "default")],
+    ("given", "wanted"), [((), "paper"), (("--preset", "default"), "default"), (("--preset", "paper"), "paper")]
 )
-def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch, command, given, wanted):
+def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch, given, wanted):
     def distill(mesh, *_, preset, **__):
         asked.append(preset)
         field = field_of(mesh)
@@ -180,10 +179,10 @@ def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch,
 
     asked: list[str] = []
     monkeypatch.setattr(dfd, "distill", distill)
-    move = ("--handle", 40, "--translate", 0, "5%", 0)
+    move = ("--handle", 40, "--translate", 0, 0.1, 0)
     assert worked(run("deform", "MESH", "--field", "FIELD", "--preset", "paper", *move, "--save-edit", "edit.json"))
-    output = "out.obj" if command == "deform" else "out.npz"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert worked(run(command, "MESH", "--edit", "edit.json", *given, "-o", output))
+        assert worked(run("deform", "MESH", "--edit", "edit.json", *given, "-o", "out.obj", "--save-edit", "out.json"))
     assert asked == [wanted]
+    assert read_edit("out.json", chair).preset == wanted
