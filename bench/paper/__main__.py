@@ -35,8 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("NAME must be one of " + ", ".join(PAGES))
     if name in CANNOT:
         parser.error(f"{name} cannot be made: {CANNOT[name]}")
-    # With --quick, fields have other settings than the paper's. Each page says this, so `Deformer`'s warning is hidden.
-    warnings.filterwarnings("ignore", "Deformer: `preset` 'paper'", UserWarning)
+    # With --quick, and in ablations, fields have other settings than the paper's, which the pages say.
+    warnings.filterwarnings("ignore", "Deformer: `preset` is 'paper', but the field", UserWarning)
     context = Context(options.quick, options.encoder, say=partial(print, file=sys.stderr))
     try:
         print(write(PAGES[name], FIGURES[name], name, options.output, context))

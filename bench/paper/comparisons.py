@@ -38,10 +38,12 @@ BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors 
 LEGEND = """\
 In pictures of the shape at rest, the dot is the handle. In the other pictures, the dot is the handle's target. Squares
 are fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
-**handle error**: distance of the handle from its target, in % of the diagonal. **area**, **angle**, **edge**: mean
-changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number
-of faces that fold over. **size**: diagonal of the result divided by that of the shape. **biharmonic** and **BBW** use
-tetrahedra in a copy of the shape, simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are not available."""
+**handle error**: distance of the handle from its target, in % of the diagonal; for DFD, it is 0 by definition. **fixed
+points move**: mean motion of the fixed points of the other methods, in % of the handle's motion. **area**, **angle**,
+**edge**: mean changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped
+faces**: number of faces that fold over. **size**: diagonal of the result divided by that of the shape. **biharmonic**
+and **BBW** use tetrahedra in a copy of the shape, simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are
+not available."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,11 @@ def fig22(context: Context) -> Page:
 
 def fig21(context: Context) -> Page:
     """DFD with the fifty control points of fig9 as handles."""
-    text = f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum."
+    text = (
+        f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum, even "
+        "if no handle moves. With fifty handles, this makes the shape larger. So Eq. 1 as printed cannot have made the "
+        "paper's figure, whose shapes keep their size."
+    )
     return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
 
 
@@ -233,7 +239,17 @@ def measured(case: Case, moved: Float64) -> dict[str, Any]:
     size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
     return {
         "handle error %": 100 * float(np.linalg.norm(moved[case.held[case.handle]] - case.handle_target)) / diagonal,
+        "fixed points move %": _motion_of_fixed(case, moved),
         **surface_metrics(case.shape.mesh, moved),
         "size": size,
         "note": f"too large: {size:.3g} times the shape's diagonal" if size > EXPLODED else "",
     }
+
+
+def _motion_of_fixed(case: Case, moved: Float64) -> float | None:
+    """Return the mean motion of the other methods' fixed points, in % of the handle's motion; None without any."""
+    if len(case.fixed) == 0:
+        return None
+    before, handle = case.shape.mesh.vertices, case.held[case.handle]
+    length = float(np.linalg.norm(case.handle_target - before[handle]))
+    return 100 * float(np.linalg.norm(moved[case.fixed] - before[case.fixed], axis=1).mean()) / length

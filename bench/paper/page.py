@@ -87,34 +87,40 @@ def following(session: dfd.Deformer, least: float) -> float:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """What a figure or table of the paper claims, and the number that decides whether the result of dfd agrees."""
+class Claim:
+    """A claim of the paper in a figure or table, and the number that shows whether the result of dfd is alike."""
 
     paper: str  # the claim: a number, or what the pictures show
     measured: str  # what our number measures
     number: Rule  # computes our number
-    least: float = -np.inf  # smallest number that agrees with the claim
-    most: float = np.inf  # largest number that agrees with the claim
+    least: float = -np.inf  # smallest number within our bound
+    most: float = np.inf  # largest number within our bound
+    cause: str = ""  # why the number may be outside
 
     def verdict(self, number: float, quick: bool) -> str:
-        """Return a sentence that says whether the number agrees with the paper."""
+        """Return a sentence that says whether the number is within our bound, and why if it is not."""
         if not np.isfinite(number):
             return f"Not decided: this run did not measure {self.measured}."
-        agrees = "agrees" if self.least <= number <= self.most else "does not agree"
+        within = self.least <= number <= self.most
         bound = f"at least {self.least:g}" if np.isfinite(self.least) else f"at most {self.most:g}"
         inputs = ", measured on the smaller inputs of --quick" if quick else ""
-        return f"{self.measured}: {number:.3g}, which {agrees} with the paper (our bound: {bound}){inputs}."
+        said = f"{self.measured}: {number:.3g}, {'within' if within else 'outside'} our bound ({bound}){inputs}."
+        return said if within or not self.cause else f"{said} Cause: {self.cause}"
 
 
-def write(make: Callable[[Context], Page], figure: Figure, name: str, folder: Path, context: Context) -> Path:
+def write(make: Callable[[Context], Page], claims: Sequence[Claim], name: str, folder: Path, context: Context) -> Path:
     """Write the page NAME.md, its pictures as PNG and its table as CSV; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
     page = make(context)
-    number = figure.number(page.rows)
-    here = f"{number:.3g}" if np.isfinite(number) else "not measured"
-    said = to_markdown(["", "the paper", "here"], [[figure.measured, figure.paper, here]])
-    title, verdict = (make.__doc__ or "").splitlines()[0], figure.verdict(number, context.quick)
-    blocks = [f"# {name}: {title}", said, verdict, "\n".join(f"- {note}" for note in context.notes()), page.text]
+    numbers = [claim.number(page.rows) for claim in claims]
+    here = [f"{number:.3g}" if np.isfinite(number) else "not measured" for number in numbers]
+    said = to_markdown(
+        ["", "the paper", "here"], [[claim.measured, claim.paper, own] for claim, own in zip(claims, here, strict=True)]
+    )
+    verdicts = [f"- {each.verdict(number, context.quick)}" for each, number in zip(claims, numbers, strict=True)]
+    title = (make.__doc__ or "").splitlines()[0]
+    notes = "\n".join(f"- {note}" for note in context.notes())
+    blocks = [f"# {name}: {title}", said, "\n".join(verdicts), notes, page.text]
     if page.pictures:
         save_png(folder / f"{name}.png", contact_sheet(page.pictures, cell=RESOLUTION))
     elif page.plot:

@@ -29,6 +29,7 @@ PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 PATIENCE = (40.0, 600.0)  # seconds, in a quick and a full run: limit for tetrahedra, and again for the other steps
+TIMED_PEERS = ("ARAP", "biharmonic", "NeuralMLS")  # peers in the paper's plot
 PEER_HANDLES = 10  # handles when a peer is timed; some peers need several
 
 BROKEN = pulls_of("truck_defects", "chair_nonmanifold", "plane_holes", "knight", "robot")
@@ -58,7 +59,7 @@ def fig10(context: Context) -> Page:
     """Time that every method needs to preprocess, bind and pose meshes of increasing size."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
-        able = ["ARAP", "biharmonic", "NeuralMLS"]  # peers in the paper's plot
+        able = list(TIMED_PEERS)
         for count in FACES[:3] if context.quick else FACES:
             shape = resampled(given, count)
             start = {"shape": shape.name, "faces": len(shape.mesh.faces)}
@@ -323,9 +324,17 @@ def _seconds(features: Callable[[], Float32], sets: Sequence[Int64]) -> float:
     return time.perf_counter() - begin
 
 
-def speedup(rows: Sequence[Row]) -> float:
-    """Return the time of OptCtrlPoints divided by the time of DFD, for one handle on the largest number of nodes."""
-    own = [row for row in rows if row.get("nodes")]
-    most = max((row["nodes"] for row in own), default=0)
-    seconds = {row["method"]: row["1 handle s"] for row in own if row["nodes"] == most}
-    return seconds["OptCtrlPoints"] / seconds["DFD, forward pass"] if seconds else float("nan")
+def speedup(count: int, how: str) -> Callable[[Sequence[Row]], float]:
+    """Return a rule: the time of OptCtrlPoints divided by that of DFD, for `count` handles on the most nodes.
+
+    `how` is "forward pass" or "features kept", as in `table3`.
+    """
+    name = f"{count} handle{'s' * (count > 1)} s"
+
+    def number(rows: Sequence[Row]) -> float:
+        own = [row for row in rows if row.get("nodes")]
+        most = max((row["nodes"] for row in own), default=0)
+        seconds = {row["method"]: row[name] for row in own if row["nodes"] == most}
+        return float(seconds["OptCtrlPoints"] / seconds[f"DFD, {how}"]) if seconds else float("nan")
+
+    return number

@@ -11,6 +11,7 @@ from typer.cli import get_docs_for_click
 
 import dfd
 from dfd.cli import app as commands
+from dfd.distillation.settings import source_of
 from dfd.editing.controls import CONTROLS
 
 MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
@@ -48,12 +49,13 @@ def controls() -> str:
 
 
 def distill_settings() -> str:
-    """Return a table of the settings of a distillation with their values in both presets."""
-    rows = ["| setting | default | paper | what it is |", "|---|---|---|---|"]
+    """Return a table of the settings of a distillation, with their values in both presets and the paper's source."""
+    rows = ["| setting | default | paper | source of *paper* | what it is |", "|---|---|---|---|---|"]
     default, paper = dfd.DistillSettings(), dfd.DistillSettings(preset="paper")
     for name, about in dfd.DistillSettings.model_fields.items():
         if name != "preset":
-            rows.append(f"| `{name}` | {getattr(default, name)} | {getattr(paper, name)} | {about.description} |")
+            values = f"{getattr(default, name)} | {getattr(paper, name)}"
+            rows.append(f"| `{name}` | {values} | {source_of(name)} | {about.description} |")
     return "\n".join(rows) + "\n"
 
 

@@ -3,7 +3,7 @@
 import igl
 import numpy as np
 
-from bench.paper.peers.peer import Bind, Body, Deform, PeerError, check_components, on_nodes
+from bench.paper.peers.peer import Bind, Body, Deform, PeerError, check_components, check_sums, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
 ITERATIONS = 100  # largest number of iterations of ARAP
@@ -39,11 +39,11 @@ def bounded(body: Body) -> Bind:
             if weights.shape != (len(nodes), len(columns)) or not np.isfinite(weights).all():
                 raise PeerError("finds no solution")
             weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+        check_sums(weights)
 
         def deform(targets: Float64) -> Float64:
             offsets = targets - body.vertices[held]
             means = np.array([offsets[group == column].mean(axis=0) for column in columns])
-            means[columns < 0] = 0.0
             return body.vertices + body.within.on_surface(weights @ means)
 
         return deform

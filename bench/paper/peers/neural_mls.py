@@ -2,9 +2,12 @@
 
 A small network is trained to classify positions: each control point is a class. The class probabilities at a vertex
 are the weights of the control points for rigid moving least squares (Schaefer et al., 2006).
+
+The network, the optimizer and its rate are those of the authors' code. They train for 48 steps, after which weights are
+so even that handles miss their targets by 3 to 5 % of the diagonal. Here, training ends when handles reach their
+targets. Longer training would only separate control points of one group from each other, and fold the surface there.
 """
 
-import time
 from itertools import pairwise
 
 import torch
@@ -12,16 +15,15 @@ import torch
 from bench.paper.peers.peer import Bind, Body, Deform
 from dfd.common.linear_algebra import Float64, Int64
 
-WIDTH, HIDDEN = 256, 3  # width and number of the hidden layers
-STEPS, RATE = 1_000, 1e-3  # largest number of training steps, and learning rate
-ENOUGH = 0.02  # mean cross-entropy at which training ends
-MOST_SECONDS = 40.0  # longest duration of the training, in seconds
+WIDTH, HIDDEN = 128, 2  # width and number of the hidden layers
+STEPS, RATE = 5_000, 6e-4  # largest number of training steps, and learning rate
+ENOUGH = 0.02  # training ends if, at control points, the mean of −log(probability of the own group) is at most this
 RIDGE = 1e-4  # multiple of the identity that is added to a covariance matrix; an undetermined rotation is then 0
 BATCH = 1 << 15  # number of vertices that are computed at once
 
 
 def neural_mls(body: Body) -> Bind:
-    """Prepare NeuralMLS. Held vertices are control points. Binding trains a network for less than a minute."""
+    """Prepare NeuralMLS. Held vertices are control points. Binding trains a network."""
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     center, scale = (low + high) / 2, 2 / (high - low).max()
 
@@ -32,7 +34,7 @@ def neural_mls(body: Body) -> Bind:
 
     def bind(held: Int64, group: Int64) -> Deform:
         control = points[held]
-        network = trained(control.float())
+        network = trained(control.float(), torch.from_numpy(group))
         with torch.inference_mode():
             weights = [network(some.float()).softmax(dim=1).double() for some in points.split(BATCH)]
 
@@ -56,20 +58,24 @@ def neural_mls(body: Body) -> Bind:
     return bind
 
 
-def trained(control: torch.Tensor) -> torch.nn.Module:
-    """Train and return a network that maps the position of each of the `control` points (N, 3) to its index."""
+def trained(control: torch.Tensor, group: torch.Tensor) -> torch.nn.Module:
+    """Train and return a network that maps the position of each of the `control` points (N, 3) to its index.
+
+    Training ends when the network tells the groups (N,) of the control points apart, see `ENOUGH`.
+    """
     with torch.random.fork_rng():
         torch.manual_seed(0)
         widths = [3, *[WIDTH] * HIDDEN, len(control)]
         layers = [torch.nn.Linear(before, after) for before, after in pairwise(widths)]
     network = torch.nn.Sequential(*[each for layer in layers for each in (layer, torch.nn.ReLU())][:-1])
     optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
-    begin = time.perf_counter()
+    others = group[:, None] != group
     for _ in range(STEPS):
         optimizer.zero_grad()
-        loss = torch.nn.functional.cross_entropy(network(control), torch.arange(len(control)))
-        loss.backward()
-        optimizer.step()
-        if float(loss.detach()) < ENOUGH or time.perf_counter() - begin > MOST_SECONDS:
+        logarithms = network(control).log_softmax(dim=1)
+        own_group = logarithms.detach().masked_fill(others, -torch.inf).logsumexp(dim=1)
+        if float(-own_group.mean()) <= ENOUGH:
             break
+        (-logarithms.diagonal().mean()).backward()
+        optimizer.step()
     return network

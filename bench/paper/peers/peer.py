@@ -26,6 +26,7 @@ from dfd.common.linear_algebra import Float64, Int64
 PATIENCE = 300.0  # time limit in seconds for one peer on one shape, without the time to fill it with tetrahedra
 FILLING_PATIENCE = 900.0  # time limit in seconds for the tetrahedra of one shape
 EDGE = 0.05  # edge length of the tetrahedra, as a fraction of the bounding box's diagonal
+MOST_OFF_ONE = 1e-3  # largest accepted deviation of a node's sum of weights from 1
 MOST_FACES = 6_000  # largest number of faces of a surface that is filled; more would take minutes on two cores
 AWAY = 0.08  # largest accepted distance of a vertex from the tetrahedra, as a fraction of the diagonal
 
@@ -144,6 +145,13 @@ def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
     """Return the K distinct nodes nearest to the vertices `held` (N,), and the first index in `held` for each node."""
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
+
+
+def check_sums(weights: Float64) -> None:
+    """Raise PeerError unless the weights (N, K) of each node sum to 1, so that moving all handles moves the shape."""
+    off = float(np.abs(weights.sum(axis=1) - 1).max())
+    if not off <= MOST_OFF_ONE:  # also for NaN
+        raise PeerError(f"gives weights whose sum at a node differs from 1 by {off:.2g}")
 
 
 def check_components(corners: Int64, held: Int64) -> None:

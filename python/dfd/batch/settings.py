@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from dfd.batch.one_edit import EditSource
 from dfd.common.files import write_file
+from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
@@ -26,6 +27,9 @@ class BatchSettings(BaseModel):
     version: Literal[1] = 1
     steps: tuple[Step, ...]
     encoder: str = DEFAULT_ENCODER
+    preset: Preset | None = (
+        None  # the preset of the planes of symmetry and of all edits; None: default, and each edit's
+    )
     distill: dict[str, Any] = Field(default_factory=dict)  # further arguments of `dfd.distill`
     device: str = "cpu"  # torch device of the encoder
     edits: tuple[EditSource, ...] = ()

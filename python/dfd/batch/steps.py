@@ -6,7 +6,7 @@ import shutil
 import time
 import traceback
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,11 @@ from dfd.batch.settings import BatchSettings
 from dfd.common.errors import one_line
 from dfd.common.files import atomic_write, plain, write_file
 from dfd.common.progress import Stages
+from dfd.distillation.distill import find_distilled, store_distilled
 from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
+from dfd.editing.edit import with_preset
+from dfd.editing.presets import PRESETS
 from dfd.export.export_rig import export_rig
 from dfd.export.export_weights import export_weights
 from dfd.field.field import Field
@@ -127,12 +130,15 @@ class _Work:
         self.figures["findings"] = len(found)
 
     def distill(self) -> None:
-        """Distill the field, unless the manifest names a field."""
+        """Distill the field, or read it from the user's cache, unless the manifest names a field."""
         if self.shape.field is not None:
             return
-        of_encoder = DistillSettings(**self.settings.distill).of_encoder()
-        encoder = loaded_encoder(self.settings.encoder, self.settings.device, **of_encoder)
-        made = dfd.distill(self.mesh, encoder, progress=False, cache=False, **self.settings.distill)
+        name, device, settings = self.settings.encoder, self.settings.device, DistillSettings(**self.settings.distill)
+        made = find_distilled(self.mesh, name, settings, device=device)
+        if made is None:
+            encoder = loaded_encoder(name, device, **settings.of_encoder())
+            made = dfd.distill(self.mesh, encoder, progress=False, cache=False, **self.settings.distill)
+            store_distilled(made, self.mesh, name, settings, device=device)
         made.save(self.folder / FIELD)
         self.figures["loss"] = float(made.settings["losses"][-1])
 
@@ -146,7 +152,8 @@ class _Work:
 
     def symmetry(self) -> None:
         """Write the mirror planes of the shape, the best first."""
-        planes = symmetry_planes(self.field, self.mesh)
+        rules = PRESETS[self.settings.preset or "default"]
+        planes = symmetry_planes(self.field, self.mesh, candidates=rules.candidates, threshold=rules.threshold)
         self.write_json("symmetry.json", [asdict(plane) for plane in planes])
         self.figures["symmetry_planes"] = len(planes)
 
@@ -163,6 +170,8 @@ class _Work:
         self.carried: dict[str, Deformer] = {}
         for source in self.settings.edits:
             original, name = loaded_original(source), source.name
+            if (preset := self.settings.preset) is not None:
+                original = replace(original, edit=with_preset(original.edit, preset, original.mesh))
             try:
                 found = carry(original, self.mesh, self.field, threshold=threshold, features=self.session.features)
             except ValueError as error:  # the shape is too different, or lacks a part or region of the edit

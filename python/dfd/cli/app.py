@@ -7,6 +7,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from dfd.cli import options
+from dfd.cli.arguments import preset_of
 from dfd.cli.errors import say
 from dfd.common.distribution import pip_install
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -49,7 +50,7 @@ def app(
         mesh=opened_mesh if sample is None else check_sample(sample),
         field=opened_field,
         edit=opened_edit,
-        preset=preset or "default",
+        preset=preset_of(preset, edit),
         encoder=encoder,
     )
     if not loopback(host):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Iterable, Sequence
-from contextlib import nullcontext
-from functools import partial
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,17 +80,39 @@ def open_mesh(path: Path, stages: Stages | None = None) -> Mesh:
         return load(path)
 
 
+def preset_of(preset: Preset | None, *edits: Path | None) -> Preset:
+    """Return `preset`. If it is None, return the preset of all `edits`, or "default" if they differ or cannot be read.
+
+    Errors in the files are reported when the edits are opened.
+    """
+    if preset is not None:
+        return preset
+    found = set()
+    for edit in edits:
+        with suppress(OSError, ValueError, AttributeError):
+            found.add(None if edit is None else json.loads(edit.read_text("utf-8-sig")).get("preset"))
+    return "paper" if found == {"paper"} else "default"
+
+
 def open_session(
     shape: Mesh, field: Path | None, stages: Stages, edit: Path | None, preset: Preset | None, **how: Any
 ) -> Deformer:
-    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`."""
-    from dfd import Deformer
+    """Open a session of a mesh, with the edit in the file `edit` if given. `how` are arguments of `open_field`.
 
-    opened = open_field(shape, field, preset=preset, progress=stages, **how)
-    start = partial(Deformer.load, edit) if edit else Deformer
-    session = start(shape, opened, other_shape=how.get("force", False))
-    if preset is not None:
-        session.preset = preset
+    If `preset` is None, the preset of the edit also applies to a field that is distilled.
+    """
+    from dfd import Deformer
+    from dfd.editing.edit import with_preset
+    from dfd.editing.edit_file import read_edit
+
+    opened = open_field(shape, field, preset=preset_of(preset, edit), progress=stages, **how)
+    other = {"other_shape": how.get("force", False)}
+    if edit is None:
+        return Deformer(shape, opened, preset=preset or "default", **other)
+    if preset is None:
+        return Deformer.load(edit, shape, opened, **other)
+    session = Deformer(shape, opened, preset=preset, **other)
+    session.apply(with_preset(read_edit(edit, shape, **other), preset, shape))
     return session
 
 

@@ -12,6 +12,7 @@ import typer
 from typer import Argument, Option
 
 from dfd.cli import options
+from dfd.cli.arguments import preset_of
 from dfd.cli.errors import say
 from dfd.common import check
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -19,6 +20,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 if TYPE_CHECKING:
     from dfd.batch.one_edit import EditSource
     from dfd.batch.record import Record
+    from dfd.common.preset import Preset
 
 SOME_FAILED = 1  # exit code if a shape failed
 
@@ -33,7 +35,7 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: options.Encoder = DEFAULT_ENCODER,
-    preset: Annotated[str | None, Option(metavar="default|paper", help="The preset of the step distill.")] = None,
+    preset: options.Preset = None,
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
@@ -86,12 +88,12 @@ def batch(
 
     shapes = find_shapes(inputs)
     steps = _listed(step)
-    chosen = ([] if preset is None else [f"preset={preset}"]) + (distill or [])
     try:
         settings = BatchSettings(
             steps=tuple(steps),  # type: ignore[arg-type]  # `BatchSettings` checks them
             encoder=encoder,
-            distill=_distill_settings(chosen, "distill" in steps),
+            preset=preset,
+            distill=_distill_settings(distill or [], preset_of(preset, *(edit or ())), "distill" in steps),
             device="cuda" if gpus else "cpu",
             edits=_edit_sources(edit or [], made_on or []),
             threshold=threshold,
@@ -140,8 +142,8 @@ def _listed(texts: list[str]) -> list[str]:
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
-def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
-    """Return all settings of the step distill. Each text, such as views=12, changes one setting.
+def _distill_settings(texts: list[str], preset: Preset, wanted: bool) -> dict[str, Any]:
+    """Return all settings of the step distill. Each text, such as views=12, changes one setting of `preset`.
 
     Raises ValueError if a setting is unknown or out of its range, or if there are `texts` but the step is not `wanted`.
     """
@@ -150,7 +152,7 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     if texts and not wanted:
         raise ValueError("`--distill` settings need the step distill")
     known = DistillSettings.model_fields
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = {"preset": preset}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or name not in known:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from dfd.batch.inputs import MESH_ENDINGS, matches
-from dfd.cli.arguments import check_output, file_in, open_field
+from dfd.cli.arguments import check_output, file_in, open_field, preset_of
 from dfd.cli.errors import say
 from dfd.common.errors import ArgumentError, one_line
 
@@ -44,7 +44,8 @@ def deform_many(
 ) -> None:
     """Transfer the edit to every shape, and write the deformed shapes. Exit with code 1 if some shapes are left out.
 
-    `fields` is a folder of fields. `preset` applies to the edit and to new fields. `how` are arguments of `open_field`.
+    `fields` is a folder of fields. `preset` applies to the edit and to new fields; None takes the
+    preset of the edit. `how` are arguments of `open_field`.
     """
     files = list(dict.fromkeys(path for pattern in meshes for path in matches(pattern)))
     _check(files, output, fields, sheet)
@@ -59,7 +60,7 @@ def deform_many(
     def field_of(file: Path, shape: Mesh) -> Field:
         """Read the field from its file. If there is no file, read the field from the cache, or distill the field."""
         path = field_path(file, fields)
-        return open_field(shape, path if path.is_file() else None, preset=preset, force=force, **how)
+        return open_field(shape, path if path.is_file() else None, preset=preset_of(preset, edit), force=force, **how)
 
     original = _original(edit, files, made_on, field_of)
     if preset is not None:

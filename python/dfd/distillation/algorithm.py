@@ -35,7 +35,8 @@ def distill_pictures(mesh: Mesh, encoder: Encoder, settings: DistillSettings, *,
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     recorded = {**encoder.settings(), **settings.as_dict(), **_lacking(encoder, settings, metric)}
-    recorded |= {"block": encoder.block, "background": not encoder.foreground_only}
+    recorded |= {"block": None if encoder.default_block else encoder.block, "background": not encoder.foreground_only}
+    recorded["encoded_resolution"] = encoder.nearest_resolution(settings.resolution)
     recorded |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)

@@ -78,10 +78,11 @@ def distill(
 
     Returns
     -------
-    Field. `field.settings` holds all settings, the encoder's block and precision, whether background patches were
-    encoded, and the loss of every step. "up_direction" and "up_confidence" describe the up direction. If `up` is
-    "auto", "up_source" is "file" for the file's +y, "found" for another direction, or "averaged" if the features of two
-    directions are combined. Otherwise, "up_source" is "said".
+    Field. `field.settings` holds all settings, the encoder's block and precision, the side of the encoded pictures
+    in pixels ("encoded_resolution"), whether background patches were encoded, and the loss of every step.
+    "up_direction" and "up_confidence" describe the up direction. If `up` is "auto", "up_source" is "file" for the
+    file's +y, "found" for another direction, or "averaged" if the features of two directions are combined.
+    Otherwise, "up_source" is "said".
 
     Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
     ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot
@@ -129,6 +130,14 @@ def find_distilled(
     """Return the field for these arguments from the user's cache, or None if there is none; no encoder is loaded."""
     key = _find_key(mesh, encoder, settings, device)
     return field_cache.find(key) if key else None
+
+
+def store_distilled(
+    field: Field, mesh: Mesh, encoder: str | PathLike[str], settings: DistillSettings, *, device: str | None = None
+) -> None:
+    """Store `field`, which a loaded encoder gave for these arguments, where `find_distilled` finds it."""
+    if key := _find_key(mesh, encoder, settings, device):
+        field_cache.store(key, field)
 
 
 def _find_key(

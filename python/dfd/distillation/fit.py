@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
 # Smallest batch size for which matrix products use bfloat16. With the paper's preset, bfloat16 halves the time of the
 # fit and increases the loss by 0.1 %.
 LARGE_BATCH = 4096
-# On the CPU, threads compute chunks of a batch: at most _MOST_CHUNKS chunks, with at least _SMALLEST_CHUNK points each.
-_SMALLEST_CHUNK, _MOST_CHUNKS = 192, 8
+# On the CPU, threads compute chunks of a batch: about _CHUNKS chunks, but each with at least _SMALLEST_CHUNK points,
+# and with at most _LARGEST_CHUNK points, because a chunk needs 15 kB of memory for each point.
+_CHUNKS, _SMALLEST_CHUNK, _LARGEST_CHUNK = 8, 192, 2048
 
 
 def fit(
@@ -66,7 +68,8 @@ def fit(
     losses: list[Tensor] = []
     # torch has a separate thread count for each calling thread, so each worker sets its count to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
-    bfloat16 = settings.batch >= LARGE_BATCH and choose_precision(device) == "bfloat16"
+    large = settings.batch is None or settings.batch >= LARGE_BATCH
+    bfloat16 = large and choose_precision(device) == "bfloat16"
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
         for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
             loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool, bfloat16=bfloat16)
@@ -99,7 +102,9 @@ def _gradients(
         loss = (found.float() - chunk[1]).square().sum() / len(points)
         return loss.detach(), *torch.autograd.grad(loss, parameters)
 
-    size = len(points) if points.is_cuda else max(_SMALLEST_CHUNK, -(-len(points) // _MOST_CHUNKS))
+    size = min(max(_SMALLEST_CHUNK, -(-len(points) // _CHUNKS)), _LARGEST_CHUNK)
+    if points.is_cuda:
+        size = len(points)
     chunks = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
     found = pool.map(differentiate, chunks)
     loss: Tensor
@@ -112,20 +117,21 @@ def _batches(
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
     """Return an iterator over the batches (points and targets), one for each step, and the number of steps.
 
-    With the setting `steps`, each batch is drawn at random. With `epochs`, each pass over all points shuffles them.
+    With the setting `batch_views`, a batch has all points of a few pictures, and each epoch shuffles the pictures. With
+    `batch` and `epochs`, each epoch shuffles the points. With `batch` and `steps`, each batch is drawn at random.
     """
-    batch = settings.batch
-    if settings.steps is not None:
-        return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
+    if settings.batch is not None and settings.steps is not None:
+        return (targets.draw(settings.batch, generator) for _ in range(settings.steps)), settings.steps
+    pictures = None if settings.batch_views is None else targets.pictures()
+    count, size = len(targets.points if pictures is None else pictures), settings.batch or settings.batch_views or 1
+    steps = settings.steps or (settings.epochs or 1) * math.ceil(count / size)
 
-    def shuffled(epochs: int) -> Iterator[tuple[Tensor, Tensor]]:
-        for _ in range(epochs):
-            order = torch.randperm(len(targets.points), generator=generator)
-            for chosen in order.split(batch):  # type: ignore[no-untyped-call]
-                yield targets.at(chosen)
+    def shuffled() -> Iterator[tuple[Tensor, Tensor]]:
+        while True:
+            for chosen in torch.randperm(count, generator=generator).split(size):  # type: ignore[no-untyped-call]
+                yield targets.at(chosen if pictures is None else torch.cat([pictures[each] for each in chosen]))
 
-    assert settings.epochs is not None
-    return shuffled(settings.epochs), settings.epochs * math.ceil(len(targets.points) / batch)
+    return itertools.islice(shuffled(), steps), steps
 
 
 class Adam:

@@ -15,20 +15,27 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-LENGTHS = ("steps", "epochs")  # names of the two settings of the fit's length; exactly one of the two is not None
+# Pairs of settings of which exactly one is not None: the length of the fit, and the size of its batches.
+ALTERNATIVES = (("steps", "epochs"), ("batch", "batch_views"))
 
 
-def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
-    """Declare a setting: its default, its description, its value in the preset "paper", and its bounds."""
-    extra = {"paper": default if paper is ... else paper, "bounds": dict(bounds)}
+Source = Literal["paper", "public code", "ours"]
+
+
+def _setting(default: Any, description: str, *, paper: Any = ..., source: Source = "paper", **bounds: float) -> Any:
+    """Declare a setting: its default, its description, its value in the preset "paper", and its bounds.
+
+    `source` says where the value in the preset "paper" is from. The page `docs/reference/paper.md` shows it.
+    """
+    extra = {"paper": default if paper is ... else paper, "source": source, "bounds": dict(bounds)}
     return Field(default, description=description, json_schema_extra=extra)
 
 
 class DistillSettings(BaseModel):
     """The settings of `dfd.distill`, checked and immutable. The preset provides all settings that are not given.
 
-    Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs` are
-    given. Raises TypeError if a setting is unknown.
+    Raises ValueError if a setting is out of range. Raises ValueError if neither or both of `steps` and `epochs`, or
+    of `batch` and `batch_views`, are given. Raises TypeError if a setting is unknown.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
@@ -47,7 +54,10 @@ class DistillSettings(BaseModel):
         maximum=LARGEST_RESOLUTION,
     )
     framing: Framing = _setting(
-        "shape", "shape: the shape fills every picture; paper: cameras at the paper's distance.", paper="paper"
+        "shape",
+        "shape: the shape fills every picture; paper: cameras at the distance of the paper's public code.",
+        paper="paper",
+        source="public code",
     )
     simplify_to: int | None = _setting(
         None,
@@ -60,6 +70,7 @@ class DistillSettings(BaseModel):
         "Up direction of the cameras: an axis such as +y or -z; numbers such as 0,0,1; file, for the file's +y; or "
         "auto, found from pictures. Mesh and field keep their coordinates.",
         paper="file",
+        source="ours",
     )
     supervision: Supervision = _setting(
         "barycentric",
@@ -71,9 +82,14 @@ class DistillSettings(BaseModel):
         "cancels the encoder's bias between left and right.",
         paper=False,
     )
-    background: bool = _setting(False, "Encode whole pictures, not only the patches that show the shape.", paper=True)
+    background: bool = _setting(
+        False, "Encode whole pictures, not only the patches that show the shape.", paper=True, source="public code"
+    )
     block: int | None = _setting(
-        None, "Index, from 1, of the encoder's block whose output is used; none takes the default block.", minimum=1
+        None,
+        "Index, from 1, of the encoder's block whose output is used; none takes the default block.",
+        source="ours",
+        minimum=1,
     )
     smoothing: float = _setting(
         0.3,
@@ -100,25 +116,48 @@ class DistillSettings(BaseModel):
         5,
         "Octaves of the positional encoding: further inputs of the network, sines and cosines; 0 in the paper.",
         paper=0,
+        source="public code",
         minimum=0,
         maximum=MOST_OCTAVES,
     )
-    width: int = _setting(256, "Number of neurons in each hidden layer.", minimum=1, maximum=8192)
+    width: int = _setting(256, "Number of neurons in each hidden layer.", source="public code", minimum=1, maximum=8192)
     layers: int = _setting(4, "Number of hidden layers of the network.", minimum=1, maximum=64)
     steps: int | None = _setting(350, "Length of the fit in batches, instead of `epochs`.", paper=None, minimum=1)
     epochs: int | None = _setting(
         None, "Length of the fit in passes over all points, instead of `steps`.", paper=15, minimum=1
     )
-    batch: int = _setting(384, "Number of surface points in each step of the fit.", paper=10_000, minimum=1)
+    batch: int | None = _setting(
+        384,
+        "Number of surface points in each step of the fit, instead of `batch_views`.",
+        paper=None,
+        source="public code",
+        minimum=1,
+    )
+    batch_views: int | None = _setting(
+        None,
+        "Number of pictures whose covered pixels are fitted in each step, instead of `batch`; only without smoothing.",
+        paper=2,
+        source="public code",
+        minimum=1,
+        maximum=LARGEST_VIEWS,
+    )
     learning_rate: float = _setting(
-        2e-2, "Learning rate of Adam; with one_cycle, its peak.", paper=1e-3, minimum=0.0, exclusive=True
+        2e-2,
+        "Learning rate of Adam; with one_cycle, its peak.",
+        paper=1e-3,
+        source="public code",
+        minimum=0.0,
+        exclusive=True,
     )
     schedule: Literal["one_cycle", "constant"] = _setting(
         "one_cycle",
         "one_cycle: the learning rate rises to its peak and falls; constant: it does not change.",
         paper="constant",
+        source="public code",
     )
-    seed: int = _setting(0, "Equal seeds give equal fields on one machine.", minimum=0, maximum=2**63 - 1)
+    seed: int = _setting(
+        0, "Equal seeds give equal fields on one machine.", source="ours", minimum=0, maximum=2**63 - 1
+    )
 
     if not TYPE_CHECKING:
 
@@ -134,13 +173,14 @@ class DistillSettings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Add the preset's values. If `steps` or `epochs` is given, the preset's values of both are left out."""
+        """Add the preset's values. If one of two `ALTERNATIVES` is given, the preset's values of both are left out."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
         defaults = {}
         if preset == "paper":
             defaults = {name: _extra(cls, name)["paper"] for name in cls.model_fields}
-        if any(given.get(name) is not None for name in LENGTHS):
-            defaults |= dict.fromkeys(LENGTHS)
+        for pair in ALTERNATIVES:
+            if any(given.get(name) is not None for name in pair):
+                defaults |= dict.fromkeys(pair)
         return {**defaults, **given}
 
     @field_validator("*", mode="plain")
@@ -164,14 +204,19 @@ class DistillSettings(BaseModel):
 
     @model_validator(mode="after")
     def _fit_together(self) -> DistillSettings:
-        if (self.steps is None) == (self.epochs is None):
-            found = f"{self.steps} and {self.epochs}"
-            raise ValueError(f"distill: exactly one of `steps` and `epochs` must be given, got {found}")
+        for one, other in ALTERNATIVES:
+            found = getattr(self, one), getattr(self, other)
+            if (found[0] is None) == (found[1] is None):
+                got = f"{found[0]} and {found[1]}"
+                raise ValueError(f"distill: exactly one of `{one}` and `{other}` must be given, got {got}")
         if self.supervision == "vertex":  # the ablation uses the paper's loss, without smoothing
             object.__setattr__(self, "smoothing", 0.0)
         if self.smoothing == 0:  # `metric` and `pieces` need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
+        elif self.batch_views is not None:
+            smoothed = f"`smoothing` {self.smoothing:g}, because smoothed points belong to no picture: give `batch`"
+            raise ValueError(f"distill: `batch_views` must be None with {smoothed}, got {self.batch_views}")
         return self
 
     def of_encoder(self) -> dict[str, Any]:
@@ -191,6 +236,12 @@ def _extra(settings: type[DistillSettings], name: str) -> dict[str, Any]:
     extra = settings.model_fields[name].json_schema_extra
     assert isinstance(extra, dict)
     return extra
+
+
+def source_of(name: str) -> Source:
+    """Return where the value of the setting `name` in the preset "paper" is from."""
+    source: Source = _extra(DistillSettings, name)["source"]
+    return source
 
 
 DistillSettings.__doc__ = f"""{DistillSettings.__doc__}

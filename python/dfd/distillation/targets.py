@@ -46,6 +46,10 @@ class Targets:
         indices = chosen.numpy()
         return torch.from_numpy(self.points[indices]), torch.from_numpy(self.rows(indices))
 
+    def pictures(self) -> list[torch.Tensor]:
+        """Return the indices (N,) of the points of each picture; pictures without points are left out."""
+        raise NotImplementedError
+
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """Return B = `count` random points (B, 3) and their targets (B, d), on the CPU."""
         import torch
@@ -127,7 +131,14 @@ class PixelTargets(Targets):
     def __init__(self, views: Views, tokens: Float32) -> None:
         self.grid = TokenGrid(views, *tokens.shape[1:3])
         self._table = tokens.reshape(-1, tokens.shape[3])
+        self._view = views.view
         self.points = views.points
+
+    def pictures(self) -> list[torch.Tensor]:
+        """Return the indices (N,) of the points of each picture; pictures without points are left out."""
+        import torch
+
+        return [torch.from_numpy(np.flatnonzero(self._view == each)) for each in np.unique(self._view)]
 
     def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Return the interpolated tokens (B, D) of the points `chosen` (B,), scaled to unit length."""

@@ -39,6 +39,8 @@ class Encoder:
         Side of a square patch of the image, in pixels.
     block, depth
         Index, counted from 1, of the block whose output gives the tokens; and the count of the network's blocks.
+    default_block
+        Whether `block` is the one that `load_encoder` takes by default.
     device, precision
         The torch device that runs the network, and its precision: "float32" or "bfloat16".
     foreground_only
@@ -53,11 +55,12 @@ class Encoder:
         device: torch.device,
         precision: Precision,
         *,
+        default_block: bool = True,
         background: bool = False,
     ) -> None:
         self.name, self.device, self.precision = name, str(device), precision
         self.patch, self.dimension = model.patch, model.dimension
-        self.block, self.depth = model.block, model.depth
+        self.block, self.depth, self.default_block = model.block, model.depth, default_block
         self.foreground_only = model.takes_patches and not background
         self._weights, self._model = weights, model
         model.network.to(device)
@@ -99,7 +102,7 @@ class Encoder:
         ----------
         images
             (n, R, R, 3), 8-bit sRGB. If the network does not accept the side R, images are resized to the nearest side
-            that it accepts. Resizing gives a warning, except for networks with a fixed size.
+            that it accepts (`nearest_resolution`).
         covered
             (n, R, R) bool: whether a pixel shows the shape. If `foreground_only` is True, only patches that show the
             shape, and patches next to them, are encoded; all other tokens are 0. None encodes all patches.
@@ -125,11 +128,7 @@ class Encoder:
             if covered.dtype != np.bool_ or covered.shape != images.shape[:3]:
                 found = f"{covered.dtype} of shape {covered.shape}"
                 raise ArgumentError("covered", f"must be bool of shape {images.shape[:3]}, got {found}", "encode")
-        given, resolution = images.shape[1], self.nearest_resolution(images.shape[1])
-        if given != resolution and self._model.fixed_size is None:
-            wanted = f"a multiple of {self._model.step} pixels for {self.name}"
-            message = f"encode: the resolution must be {wanted}, got {given}; the images are resized to {resolution}"
-            check.warn(message, UserWarning)
+        resolution = self.nearest_resolution(images.shape[1])
         side = resolution // self.patch
         tokens = np.empty((len(images), side, side, self.dimension), np.float32)
         order = np.arange(len(images))
@@ -219,9 +218,11 @@ def load_encoder(
     target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)
-    if block is None and weights.source != "folder":
-        block = next((known.block for own, known in KNOWN_ENCODERS.items() if name in (own, known.hub)), None)
-    model = (build_dinov2 if takes(weights.config) else build_family)(weights, block)
+    usual = None  # the last block
+    if weights.source != "folder":
+        usual = next((known.block for own, known in KNOWN_ENCODERS.items() if name in (own, known.hub)), None)
+    model = (build_dinov2 if takes(weights.config) else build_family)(weights, usual if block is None else block)
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
-    return Encoder(name, weights, model, target, chosen, background=background)
+    default_block = model.block == (usual or model.depth)
+    return Encoder(name, weights, model, target, chosen, default_block=default_block, background=background)

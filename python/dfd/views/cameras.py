@@ -13,8 +13,10 @@ from dfd.common.linear_algebra import Bool, Float32, Float64
 
 Framing = Literal["shape", "paper"]
 
-FIELD_OF_VIEW = 60.0  # in degrees, as in the paper and its public code
-PAPER_DISTANCE = 2.8  # distance of cameras from the center of a shape in the cube [−1, 1]³, as in the paper
+FIELD_OF_VIEW = 60.0  # in degrees, as in the paper's public code; the paper gives no value
+# The distance of cameras from the center of a shape in the cube [−1, 1]³ is that of the paper's public code. The paper
+# gives no value.
+PAPER_DISTANCE = 2.8
 MARGIN = 1.06  # the picture is at least this many times as wide as the shape in it
 CLEARANCE = 0.2  # smallest distance of the shape from the eye, divided by half of the bounding box's longest side
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])  # signs of x, y, z

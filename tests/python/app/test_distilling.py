@@ -11,6 +11,7 @@ from app_page import Page, Shape
 from dfd.app.options import OpenedFile, SessionOptions
 from dfd.app.session import preparation
 from dfd.app.web.launch import RunningApp
+from dfd.field.field import Field
 
 
 @pytest.fixture
@@ -22,6 +23,24 @@ def bare(shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     running.start()
     yield running
     running.stop()
+
+
+@pytest.mark.processes
+def test_the_preset_is_that_of_the_field_and_of_the_session(
+    shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    source = OpenedFile(name="chair.glb", path=shape.mesh)
+    start = SessionOptions(mesh=source, encoder=str(shape.encoder), preset="paper", distill=shape.settings)
+    running = RunningApp(start, static=static)
+    running.start()
+    page = Page(running)
+    page.open()
+    assert page.alive()["preset"] == "paper"
+    page.close()
+    running.stop()
+    (made,) = (tmp_path / "cache" / "fields").glob("*.safetensors")
+    assert Field.load(made).settings["preset"] == "paper"
 
 
 @pytest.mark.processes

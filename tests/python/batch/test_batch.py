@@ -15,11 +15,14 @@ from fake_ray import FakeRay, OutOfMemoryError, RayError
 from made_field import field_of
 
 import dfd
+from dfd.batch import steps
 from dfd.batch.inputs import find_shapes
 from dfd.batch.one_edit import find_files
 from dfd.batch.record import read_record
 from dfd.batch.run import Resources, run_batch
 from dfd.batch.settings import BatchSettings, begin_folder
+from dfd.distillation.settings import DistillSettings
+from dfd.editing.edit_file import read_edit
 
 GOOD = ("chair", "large", "wide")
 
@@ -106,6 +109,41 @@ def run(inputs, root, monkeypatch, ends=None, timeout=None, **how):
     records = run_batch(find_shapes([inputs]), settings, root, Resources(timeout=timeout), **how)
     assert ray.options.get("shut", False) == bool(ray.started)
     return {record.name: record.cause for record in records}, ray.started
+
+
+def test_the_preset_is_that_of_the_planes_and_of_the_edits(shapes, tmp_path, monkeypatch):
+    def planes(field, mesh, **how):
+        asked.append(how)
+        return []
+
+    asked = []
+    monkeypatch.setattr(steps, "symmetry_planes", planes)
+    monkeypatch.setitem(sys.modules, "ray", FakeRay())
+    settings = all_steps(shapes).model_copy(update={"steps": ("symmetry", "edits"), "exports": (), "preset": "paper"})
+    chair = next(shape for shape in find_shapes([str(shapes / "list.csv")]) if shape.name == "chair")
+    (record,) = run_batch([chair], settings, tmp_path, Resources())
+    assert record.cause is None
+    assert asked == [{"candidates": "axes", "threshold": 0.1}]
+    (edit,) = tmp_path.rglob("leg.edit.json")
+    assert read_edit(edit, dfd.load(shapes / "chair.ply")).preset == "paper"
+
+
+def test_the_step_distill_uses_the_fields_that_other_commands_cached(chair_mesh, tiny_encoder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", FakeRay())
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    chosen = DistillSettings(views=4, resolution=32, steps=2, batch=16, up="file").as_dict()
+    settings = BatchSettings(steps=("distill",), encoder=str(tiny_encoder), distill=chosen)
+    for name, factor in (("known", 1.0), ("new", (1.2, 1.0, 1.0))):
+        dfd.Mesh(chair_mesh.vertices * factor, chair_mesh.faces).save(tmp_path / f"{name}.ply")
+    known, new = (dfd.load(tmp_path / f"{name}.ply") for name in ("known", "new"))
+    how = {"device": "cpu", "progress": False}
+    before = dfd.distill(known, tiny_encoder, **how, **chosen)
+    records = run_batch(find_shapes([f"{tmp_path}/*.ply"]), settings, tmp_path / "out", Resources())
+    assert [record.cause for record in records] == [None, None]
+    made = dfd.Field.load(next((tmp_path / "out").rglob("known*/field.safetensors")))
+    assert made.settings["losses"] == before.settings["losses"]
+    monkeypatch.setattr("dfd.distillation.distill._prepare", None)  # a new distillation would fail
+    assert dfd.distill(new, tiny_encoder, **how, **chosen).settings["views"] == 4
 
 
 def test_a_run_does_what_is_missing_changed_or_to_be_repeated(chair_mesh, tmp_path, monkeypatch):

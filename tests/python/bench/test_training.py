@@ -37,7 +37,6 @@ def test_what_is_learned_from_is_what_distillation_maps(tmp_path, tiny_encoder, 
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:encode. the resolution")
 @pytest.mark.parametrize("module", [learn_metric, learn_up])
 def test_the_command_learns_judges_and_writes(tmp_path, tiny_encoder, monkeypatch, module):
     monkeypatch.setenv("DFD_MESHES", str(tmp_path))

@@ -11,6 +11,7 @@ from fake_ray import FakeRay
 
 import dfd
 from dfd.batch.settings import BatchSettings
+from dfd.distillation.settings import DistillSettings
 
 BATCH = ("batch", "shapes/*.ply", "-o", "out")
 
@@ -98,3 +99,16 @@ def test_a_failed_shape_is_named_and_sets_the_exit_code(shapes):
     assert "failed: bad input: " in result.stderr
     assert "1 done, 1 failed: bad input" in result.stderr
     assert "\x1b[31m" not in result.stderr
+
+
+@pytest.mark.parametrize("given", [("--preset", "paper"), ("--edit", "paper.json", "--made-on", "shapes/chair.ply")])
+def test_the_preset_or_that_of_the_edits_is_that_of_the_fields(shapes, given, monkeypatch):
+    session = dfd.Deformer("shapes/chair.ply", dfd.Field.load("shapes/chair.field.safetensors"), preset="paper")
+    session.add(40, translation=(0, -0.2, 0))
+    session.save("paper.json")
+    monkeypatch.setattr("dfd.batch.run.run_batch", lambda *_, **__: [])
+    steps = "distill,edits" if "--edit" in given else "distill"
+    assert worked(shapes(*BATCH, "--step", steps, *given))
+    settings = BatchSettings.model_validate_json(Path("out/batch.json").read_bytes())
+    assert settings.distill == DistillSettings(preset="paper").model_dump(mode="json")
+    assert settings.preset == ("paper" if "--preset" in given else None)

@@ -1,14 +1,17 @@
 """Test the output of `dfd deform`."""
 
 import re
+import warnings
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
 import pytest
 from command_runs import drawn, failed, worked
+from made_field import field_of
 
 import dfd
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import controls_of
 from dfd.editing.edit_file import read_edit
 from dfd.field.field import Field
@@ -192,3 +195,24 @@ def test_the_help_groups_the_options(run):
     ):  # fmt: skip
         assert option in text.partition(f"─ {heading} ─")[2].partition("╰")[0], heading
     assert "─ Output ─" not in run("show", "--help").output
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"), [((), "paper"), (("--preset", "default"), "default"), (("--preset", "paper"), "paper")]
+)
+def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch, given, wanted):
+    def distill(mesh, *_, preset, **__):
+        asked.append(preset)
+        field = field_of(mesh)
+        field.settings = DistillSettings(preset=preset).as_dict()
+        return field
+
+    asked: list[str] = []
+    monkeypatch.setattr(dfd, "distill", distill)
+    move = ("--handle", 40, "--translate", 0, 0.1, 0)
+    assert worked(run("deform", "MESH", "--field", "FIELD", "--preset", "paper", *move, "--save-edit", "edit.json"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert worked(run("deform", "MESH", "--edit", "edit.json", *given, "-o", "out.obj", "--save-edit", "out.json"))
+    assert asked == [wanted]
+    assert read_edit("out.json", chair).preset == wanted

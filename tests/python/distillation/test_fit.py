@@ -45,6 +45,28 @@ def test_the_same_field_on_the_cpu_and_on_cuda() -> None:
     assert torch.equal(torch.cuda.get_rng_state(), before)
 
 
+def test_batches_of_pictures_have_their_points_and_pass_over_all_pictures() -> None:
+    class Pictures(PointTargets):
+        def pictures(self) -> list[torch.Tensor]:
+            return list(torch.arange(40).split(8))
+
+        def at(self, chosen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            drawn.append(chosen)
+            return super().at(chosen)
+
+    drawn: list[torch.Tensor] = []
+    points = np.eye(3, dtype=np.float32)[np.arange(40) % 3]
+    how = {"center": np.zeros(3), "scale": 1.0, "device": "cpu", "stages": Stages(show=False)}
+    for length, steps in (({"epochs": 4}, 12), ({"steps": 7}, 7)):
+        drawn.clear()
+        settings = DistillSettings(smoothing=0, batch_views=2, **length)
+        field = fit(Pictures(points, points), settings, **how)  # type: ignore[arg-type]
+        assert len(field.settings["losses"]) == len(drawn) == steps
+        assert [len(each) for each in drawn[:3]] == [16, 16, 8]
+        assert torch.equal(torch.cat(drawn[:3]).sort().values, torch.arange(40))
+        assert all(torch.equal(each % 8, torch.arange(8).repeat(len(each) // 8)) for each in drawn)
+
+
 def test_the_seed_decides_the_field_and_torchs_generator_stays_unchanged() -> None:
     state = torch.random.get_rng_state()
     first, again, other = (fitted(DistillSettings(steps=3, batch=8, seed=seed))[0] for seed in (1, 1, 2))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +52,10 @@ def test_the_distillation_follows_the_settings_of_the_paper(encoder: Path, monke
     monkeypatch.setattr(PixelTargets, "at", choosing)
     monkeypatch.setattr(Adam, "step", stepping)
     mesh = dfd.samples.robot(60_000).mesh  # with several components, and with more faces than the paper renders
-    # All settings except the resolution and the batch are the paper's.
-    field = dfd.distill(
-        mesh, encoder, preset="paper", resolution=32, batch=1000, device="cpu", progress=False, cache=False
-    )
-    wanted = DistillSettings(preset="paper", resolution=32, batch=1000).as_dict()
-    block = wanted.pop("block")
-    assert block is None
-    assert field.settings["block"] == field.settings["encoder_block"] == 3
+    # All settings except the resolution are the paper's.
+    field = dfd.distill(mesh, encoder, preset="paper", resolution=34, device="cpu", progress=False, cache=False)
+    wanted = DistillSettings(preset="paper", resolution=34).as_dict()
+    assert field.settings["encoder_block"] == 3
     assert {name: field.settings[name] for name in wanted} == wanted
 
     views = seen["views"]
@@ -75,14 +70,44 @@ def test_the_distillation_follows_the_settings_of_the_paper(encoder: Path, monke
     assert field.architecture == Architecture(16, 256, 4, 0)
     assert field.residuals is None
 
-    steps = 15 * math.ceil(len(views.points) / 1000)
-    assert len(field.settings["losses"]) == len(seen["drawn"]) == steps
+    # 15 iterations over all pictures, two in each step
+    assert len(field.settings["losses"]) == len(seen["drawn"]) == 15 * 12
     for epoch in range(15):
-        drawn = torch.cat(seen["drawn"][epoch * steps // 15 : (epoch + 1) * steps // 15])
-        assert torch.equal(drawn.sort().values, torch.arange(len(views.points)))
-    assert seen["rates"] == [1e-3] * steps
+        batches = seen["drawn"][12 * epoch : 12 * (epoch + 1)]
+        assert all(len(np.unique(views.view[batch.numpy()])) == 2 for batch in batches)
+        assert torch.equal(torch.cat(batches).sort().values, torch.arange(len(views.points)))
+    assert seen["rates"] == [1e-3] * 180
+    assert field.settings["encoded_resolution"] == 32
     points = views.points[:50] / views.scale + views.center
     np.testing.assert_allclose(field(points), reference.field(field, points), atol=1e-5)
+
+
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Render small pictures, whose side is no multiple of the encoder's patches, although the settings say 512."""
+    render = algorithm.render
+    monkeypatch.setattr(algorithm, "render", lambda mesh, **given: render(mesh, **{**given, "resolution": 34}))
+
+
+@pytest.mark.usefixtures("small_pictures")
+@pytest.mark.filterwarnings("error")  # also of the warnings that the settings of pytest ignore
+def test_the_preset_for_both_halves_gives_no_warning(encoder: Path, tmp_path: Path) -> None:
+    mesh = dfd.samples.chair(4000).mesh
+    field = dfd.distill(mesh, encoder, preset="paper", device="cpu", progress=False, cache=False)
+    field.save(tmp_path / "chair.field.safetensors")
+    for each in (field, dfd.Field.load(tmp_path / "chair.field.safetensors", mesh=mesh)):
+        session = dfd.Deformer(mesh, each, preset="paper")
+        session.add((0.2, 0, 0.2), translation=(0, -0.1, 0))
+        assert np.isfinite(session.vertices).all()
+
+
+@pytest.mark.usefixtures("small_pictures")
+@pytest.mark.parametrize("changed", [{"epochs": 1}, {"block": 2}])
+def test_a_session_warns_of_the_settings_that_differ(encoder: Path, changed: dict[str, int]) -> None:
+    mesh, how = dfd.samples.chair(4000).mesh, {"device": "cpu", "progress": False, "cache": False}
+    made = dfd.distill(mesh, encoder, preset="paper", **how, **changed)
+    with pytest.warns(UserWarning, match=f"the field was distilled with other settings: {next(iter(changed))}; "):
+        dfd.Deformer(mesh, made, preset="paper")
 
 
 def test_a_loaded_encoder_that_contradicts_the_settings_is_refused(encoder: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from dfd.distillation.settings import DistillSettings
+from dfd.distillation.settings import DistillSettings, source_of
 
 
 @pytest.mark.parametrize(
@@ -40,6 +40,10 @@ from dfd.distillation.settings import DistillSettings
         ({"steps": 5, "epochs": 2}, "exactly one of `steps` and `epochs` must be given, got 5 and 2"),
         ({"steps": None}, "exactly one of `steps` and `epochs` must be given, got None and None"),
         ({"preset": "paper", "epochs": None}, "exactly one of `steps` and `epochs` must be given, got None and None"),
+        ({"batch": 5, "batch_views": 2}, "exactly one of `batch` and `batch_views` must be given, got 5 and 2"),
+        ({"batch": None}, "exactly one of `batch` and `batch_views` must be given, got None and None"),
+        ({"batch_views": 2}, "`batch_views` must be None with `smoothing` 0.3, .*: give `batch`, got 2"),
+        ({"batch_views": 0}, "`batch_views` must be a whole number from 1 to .*, got 0"),
         ({"schedule": "cosine"}, "`schedule` must be one of one_cycle, constant, got 'cosine'"),
         ({"preset": "papers"}, "`preset` must be one of default, paper, got 'papers'"),
         ({"batch": True}, "`batch` must be a whole number, got True"),
@@ -55,6 +59,12 @@ def test_each_one_is_named_when_it_is_out_of_range(setting: dict[str, Any], mess
 def test_the_ablation_is_never_smoothed() -> None:
     ablation = DistillSettings(supervision="vertex", smoothing=0.5)
     assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
+
+
+def test_settings_that_the_paper_does_not_state_have_another_source() -> None:
+    stated = {"views", "resolution", "simplify_to", "supervision", "mirrored", "smoothing", "metric", "pieces"}
+    found = {name for name in DistillSettings.model_fields if source_of(name) == "paper"}
+    assert found == stated | {"preset", "layers", "steps", "epochs"}
 
 
 def test_each_one_is_described() -> None:
