@@ -36,6 +36,11 @@ class History:
             self._topic = None
 
     @property
+    def states(self) -> tuple[tuple[Edit, ...], int]:
+        """Return all states, the oldest first, and the index of the present state."""
+        return self._states, self._now
+
+    @property
     def can_undo(self) -> bool:
         """Return whether there is a step to take back."""
         return self._now > self._floor

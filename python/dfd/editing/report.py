@@ -42,7 +42,8 @@ class HandleReport:
         named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
         words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from its target"
         if self.counterparts > 1:
-            words += f", each of {self.counterparts} counterparts about its own pivot"
+            others = "1 other" if self.counterparts == 2 else f"{self.counterparts - 1} others"
+            words += f", with {others}, each about its own pivot"
         if self.along_with:
             words += f", along with handle {' and '.join(map(str, self.along_with))}"
         if self.mirrored is not None:

@@ -177,6 +177,7 @@ class HandleState(PoseTransform):
     pivot: Vector  # center of rotation and scale
     pivot_set: bool  # whether the transform has a pivot; if not, `pivot` is `position`
     pivot_at: PivotAt | None  # name of the pivot; null if the pivot has no name
+    origin: int  # the vertex from which the steps of `ladder` are found
     reach_by: Literal["number", "part"]  # "part" if the reach is "part"; `reach` is a number in both cases
     mask_part: bool  # whether the mask is the handle's part
     region: int  # number of vertices in the handle's region; 0 for a point
@@ -214,6 +215,8 @@ class StateMessage(Answer):
     preset: Preset
     can_undo: bool = False
     can_redo: bool = False
+    steps: tuple[str, ...] = ()  # names of the steps that `go` can reach, the oldest first
+    step: int = 0  # number of `steps` that are done
     field: FieldState
     poses: tuple[KeyPose, ...]
 
@@ -278,6 +281,23 @@ class SimilarMessage(Answer):
     type: Literal["similar"] = "similar"
     handle: int
     places: tuple[SimilarPoint, ...]
+
+
+class LadderStep(Model):
+    """A part at a vertex."""
+
+    level: int
+    text: str  # its number of components and its size in words
+    found: bool  # False if no part was found, so that a handle moves all surface within a feature distance
+    leaves: bool  # whether a component of the surface touches the part, but is not in it
+
+
+class LadderMessage(Answer):
+    """Answer to `ladder`: the parts at a vertex, from the smallest to the largest."""
+
+    type: Literal["ladder"] = "ladder"
+    vertex: int
+    steps: tuple[LadderStep, ...]
 
 
 class AxisMessage(Answer):
@@ -354,6 +374,7 @@ class HeatMessage(Answer):
 
     type: Literal["heat"] = "heat"
     vertex: int | None  # the vertex of the `probe`; null for `take_part`
+    level: int = 0  # the level of the `probe`
 
 
 class PositionsMessage(Answer):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.app.protocol.messages import PartChange
+from dfd.app.protocol.messages import LadderStep, PartChange
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
@@ -22,7 +22,7 @@ class ShapeParts:
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
         self.ready = False  # whether the background work that all parts need is done
-        self._found: Recent[VertexSet] = Recent(MOST_KEPT)
+        self._found: Recent[tuple[VertexSet, str]] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
     @property
@@ -47,7 +47,38 @@ class ShapeParts:
 
     def at(self, vertex: int, level: int = 0) -> VertexSet:
         """Return the part at a vertex, with its counterparts."""
-        return self._found.get((vertex, level), lambda: self._deformer.part(vertex, level=level))
+        return self._described(vertex, level)[0]
+
+    def _described(self, vertex: int, level: int) -> tuple[VertexSet, str]:
+        """Return the part at a vertex, with its counterparts, and its number of components and its size in words."""
+
+        def find() -> tuple[VertexSet, str]:
+            part = self._deformer.bound.parts.part(vertex, level)
+            size = "less than 1" if part.share < 0.005 else f"{100 * part.share:.0f}"
+            alike = f"{part.components} alike, " if part.components > 1 else ""
+            return VertexSet.of(self._mesh, part.mask), f"{alike}{size} % of the surface"
+
+        return self._found.get((vertex, level), find)
+
+    def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
+        """Return the parts at a vertex from the smallest to the largest."""
+        lowest, highest = self._deformer.bound.parts.levels(vertex)
+        return tuple(self._step(vertex, level) for level in range(lowest, highest + 1))
+
+    def _step(self, vertex: int, level: int) -> LadderStep:
+        part, text = self._described(vertex, level)
+        nodes, whole = nodes_of(self._mesh), len(part.indices) == len(self._mesh.vertices)
+        inside = np.zeros(len(nodes.component), bool)
+        inside[nodes.of_vertex[part.indices]] = True
+        # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
+        held = np.isin(nodes.component, nodes.component[inside])
+        touches = nodes.graph[inside].indices
+        return LadderStep(
+            level=level,
+            text="the whole shape" if whole else text,
+            found=whole or self._deformer.bound.parts.components(vertex, level) is not None,
+            leaves=not held[touches].all(),
+        )
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> dict[str, Any]:
         """Return the arguments of `Deformer.change` for the change `how` of a handle's part or region.
@@ -58,18 +89,17 @@ class ShapeParts:
 
         Raises ValueError if there is no such part, `vertex` is missing, or the region would be empty.
         """
-        step, origin = {"smaller": -1, "larger": 1}.get(how), self._origin(handle)
+        step, origin = {"smaller": -1, "larger": 1}.get(how), self.origin(handle)
         if step is None:
             found = self._region(handle, how, vertex)
             self._origins[found] = origin
             given: dict[str, Any] = {"at": found, "level": 0}
         else:
             # Levels beyond the smallest or the largest part stand for that part.
-            level, away = 0, 1 if handle.controls.level > 0 else -1
-            while level != handle.controls.level and self.at(origin, level) != self.at(origin, level + away):
-                level += away
+            lowest, highest = self._deformer.bound.parts.levels(origin)
+            level = min(max(handle.controls.level, lowest), highest)
             found = self.at(origin, level + step)
-            if found == self.at(origin, level):
+            if not lowest <= level + step <= highest:
                 raise ValueError(f"There is no {how} part here")
             given = {"level": level + step, "reach": "part"}
             if isinstance(handle.place.region, VertexSet):
@@ -78,7 +108,7 @@ class ShapeParts:
             given["mask"] = found
         return given
 
-    def _origin(self, handle: Handle) -> int:
+    def origin(self, handle: Handle) -> int:
         """Return the vertex of a handle, or the vertex at which its region was found."""
         anchor, region = self._deformer.bound.rows.anchor(handle.place), handle.place.region
         return self._origins.get(region, anchor) if isinstance(region, VertexSet) else anchor
@@ -86,7 +116,7 @@ class ShapeParts:
     def _region(self, handle: Handle, how: PartChange, vertex: int | None) -> VertexSet:
         """Return a handle's region after the change `how`, which is not "smaller" or "larger"."""
         if how not in ("add", "remove"):
-            return self._unit(self._origin(handle), how)
+            return self._unit(self.origin(handle), how)
         if vertex is None:
             raise ValueError(f"To {how} a part, give a vertex of the part")
         own, part = members(self._mesh, self.of(handle)), self.at(vertex).indices

@@ -17,7 +17,7 @@ from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTr
 from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
 from dfd.app.session.session import Session
-from dfd.app.session.state import quantized
+from dfd.app.session.state import quantized, short_drag
 from dfd.app.session.surface import Arrays, centered, packed_normals
 from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
@@ -52,15 +52,16 @@ def answer(session: Session, message: Request) -> None:
 
 
 @request
-def probe(session: Session, vertex: Index) -> ArrayAnswer:
-    """Approximate the weights of a new handle at a vertex. Only the newest `probe` is answered. Answer: `heat`."""
-    return _heat(probed(session.deformer, vertex), vertex)
+def probe(session: Session, vertex: Index, level: int = 0) -> ArrayAnswer:
+    """Approximate the weights of a dragged new handle. Only the newest `probe` is answered. Answer: `heat`."""
+    return _heat(probed(session.deformer, vertex, level), vertex, level)
 
 
-def probed(deformer: Deformer, vertex: int) -> Float32:
-    """Return the weights of a new handle at a vertex, (V,), without a search for counterparts."""
+def probed(deformer: Deformer, vertex: int, level: int = 0) -> Float32:
+    """Return the weights of a new handle during a drag, (V,), without a search for counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
-    held = bound.probed(bound.rows.anchor(place)) if rules.reach == "part" else None
+    drag = short_drag(deformer.mesh)
+    held = bound.probed(bound.rows.anchor(place), level, drag) if rules.reach == "part" else None
     if held is None:
         reach = PARTLESS_REACH if rules.reach == "part" else rules.reach
         weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
@@ -69,8 +70,14 @@ def probed(deformer: Deformer, vertex: int) -> Float32:
     return weights - bound.by_features.subtracted(deformer.fixed) if deformer.fixed else weights
 
 
-def _heat(weights: Float32, vertex: int | None = None) -> ArrayAnswer:
-    return messages.HeatMessage(vertex=vertex), {"values": quantized(weights)}
+def _heat(weights: Float32, vertex: int | None = None, level: int = 0) -> ArrayAnswer:
+    return messages.HeatMessage(vertex=vertex, level=level), {"values": quantized(weights)}
+
+
+@request
+def ladder(session: Session, vertex: Index) -> messages.Answer:
+    """Find the parts at a vertex from the smallest to the largest. Answer: `ladder`."""
+    return messages.LadderMessage(vertex=vertex, steps=session.require().parts.ladder(vertex))
 
 
 @request
@@ -130,9 +137,9 @@ def axis(session: Session, handle: int) -> messages.Answer:
 
 
 @request
-def add(session: Session, at: Place) -> None:
-    """Add a handle."""
-    session.change(lambda deformer: deformer.add(_decoded(session, at)))
+def add(session: Session, at: Place, level: int = 0) -> None:
+    """Add a handle, which holds the part of this level."""
+    session.change(lambda deformer: deformer.add(_decoded(session, at), level=level))
 
 
 @request
@@ -276,15 +283,20 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 @request
 def undo(session: Session) -> None:
     """Undo the newest step."""
-    if session.deformer.undo():
-        session.tell_state()
+    go(session, session.require().history.done - 1)
 
 
 @request
 def redo(session: Session) -> None:
     """Redo the step that was undone last."""
-    if session.deformer.redo():
-        session.tell_state()
+    go(session, session.require().history.done + 1)
+
+
+@request
+def go(session: Session, step: int) -> None:
+    """Undo or redo steps until the first `step` of the `steps` in `state` are done, or no step is left."""
+    session.require().history.go(step)
+    session.tell_state()
 
 
 @request

@@ -194,6 +194,7 @@ class Session:
         self.field = self.field.model_copy(update={"parts": parts.ways})
         if (found := planes.get(deformer.preset)) and deformer.edit == Edit(preset=deformer.preset):
             deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
+            editing.history.begin()
         self.tell_state()
 
     def field_ended(self, task: str, error: Exception | None) -> None:

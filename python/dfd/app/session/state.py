@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from dfd.app.protocol import messages
 from dfd.app.session.parts import ShapeParts
-from dfd.common.linear_algebra import Float32
+from dfd.app.session.steps import Steps
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
-from dfd.editing.influence.fill import Band
+from dfd.editing.influence.fill import Band, bands_of
 from dfd.editing.regions import Region, members
+from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 CLOSE = 1.2  # during a drag, the page gets new weights if the width of a blend band changes by more than this factor
@@ -31,6 +34,7 @@ class Editing:
     def __init__(self, deformer: Deformer) -> None:
         self.deformer, self.parts = deformer, ShapeParts(deformer)
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
+        self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
@@ -42,8 +46,8 @@ class Editing:
 
         The page does not have the new columns yet. The caller must send them, because `sent` now contains them.
         """
-        weights, columns = self.deformer.bound.columns(self.deformer.edit)
-        self._bands = self.deformer.bound.bands(self.deformer.edit)
+        self._bands = self._shown_bands()
+        weights, columns = self.deformer.bound.columns(self.deformer.edit, self._bands)
         handles, before, new = self.deformer.handles, self.sent, {}
         states: list[ColumnStates] = [() for _ in handles]
         self.sent = {}
@@ -58,6 +62,16 @@ class Editing:
             state = messages.ColumnState(column=identifier, frame=frame, position=column.counterpart.position)
             states[column.handle] += (state,)
         return states, new
+
+    def _shown_bands(self) -> list[tuple[Band, ...]]:
+        """Return the blend bands of all columns. Handles at rest have the bands of a short drag."""
+        edit, bound = self.deformer.edit, self.deformer.bound
+        if edit.default is not None:
+            return bound.bands(edit)
+        drag = Transform(translation=vector("drag", short_drag(self.deformer.mesh)[:, 3]))
+        moved = (replace(each, transform=drag) if each.transform.rests else each for each in edit.handles)
+        dragged = replace(edit, handles=tuple(moved))
+        return [bands_of(column, self.deformer.mesh, dragged) for column in bound.plan(edit).columns]
 
     def has_close_weights(self) -> bool:
         """Return whether the blend bands of the page's columns are nearly those of the present edit."""
@@ -74,6 +88,7 @@ class Editing:
         deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
         motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
         pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot
+        steps = self.history.names()
         return messages.StateMessage(
             handles=tuple(map(self._handle, deformer.handles, columns)),
             fixed=tuple(
@@ -90,8 +105,10 @@ class Editing:
                 replace(plane, band=band_on(mesh, deformer.preset)) for plane in self.planes.get(deformer.preset, ())
             ),
             default=None if default is None else messages.PoseTransform(handle=0, pivot=pivot, **motion),
-            can_undo=deformer.can_undo,
-            can_redo=deformer.can_redo,
+            can_undo=self.history.done > 0,
+            can_redo=self.history.done < len(steps),
+            steps=steps,
+            step=self.history.done,
             **{**common, "preset": deformer.preset},
         )
 
@@ -104,6 +121,7 @@ class Editing:
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
             "reach": self.deformer.bound.reach(handle),
+            "origin": self.parts.origin(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),
             "mask": self._size(controls.mask),
@@ -128,6 +146,11 @@ class Editing:
             if size > LARGEST:
                 raise ValueError(f"The transform of {name} must stay below {LARGEST:g}, got {size:.3g}")
         deformer.bound.columns(deformer.edit)
+
+
+def short_drag(mesh: Mesh) -> Float64:
+    """Return the matrix (3, 4) of a drag by 5 % of the shape's size. For parts at rest, the page shows its weights."""
+    return np.column_stack([np.eye(3), np.full(3, mesh.diagonal / 20 / 3**0.5)])
 
 
 def quantized(weights: Float32) -> NDArray[np.uint16]:

@@ -15,7 +15,7 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights, Key
-from dfd.editing.influence.fill import Band, band_at_rest, bands_of, fill, weights_at
+from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_at
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
 from dfd.editing.influence.plan import Column, Piece, Plan, allocated
@@ -25,6 +25,7 @@ from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
+from dfd.posing.pose import IDENTITY
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
@@ -124,18 +125,18 @@ class HandleWeights:
 
         return hold(self.mesh, component, vertex, place.position, level, alike, planes, region)
 
-    def probed(self, vertex: int) -> Float32 | None:
-        """Return the weights (V,) of the part at a vertex, at rest; None if there is no part.
+    def probed(self, vertex: int, level: int, affine: Float64) -> Float32 | None:
+        """Return the weights (V,) of the part at a vertex that `affine` (3, 4) moves; None if there is no part.
 
         Counterparts are not searched, so this is fast enough to show the part under the pointer.
         """
-        component, (lowest, highest) = self.parts.components(vertex), self.parts.levels(vertex)
-        if component is None and lowest < 0 < highest:
+        component, (lowest, highest) = self.parts.components(vertex, level), self.parts.levels(vertex)
+        if component is None and level == 0 and lowest < 0 < highest:
             component = self.parts.components(vertex, -1)
         if component is None:
             return None
         held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, _never, tuple)
-        return _dense(held.components, self.mesh)
+        return _dense(held.components, self.mesh, affine)
 
     def reach(self, handle: Handle) -> float:
         """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
@@ -377,12 +378,12 @@ def filled(plan: Plan, weights: Float32) -> Float32:
     return weights
 
 
-def _dense(components: Sequence[Component], mesh: Mesh) -> Float32:
-    """Return the weights (V,) of a part at rest."""
+def _dense(components: Sequence[Component], mesh: Mesh, affine: Float64 = IDENTITY) -> Float32:
+    """Return the weights (V,) of a part that `affine` (3, 4) moves."""
     total = np.zeros(len(mesh.vertices), np.float32)
     for each in components:
         total[each.core.vertices] += each.core.values
-        total[each.vertices] += each.share * weights_at(each.depth, band_at_rest(each, mesh.diagonal))
+        total[each.vertices] += each.share * weights_at(each.depth, band_of(each, affine, IDENTITY, mesh.diagonal))
     return np.minimum(total, 1.0)
 
 

@@ -19,6 +19,10 @@ function start(): void {
   const [overlay, box, panels] = ["overlay", "box", "panels"].map(
     (name) => document.getElementsByClassName(name)[0] as HTMLElement,
   );
+  const phone = matchMedia("(width < 600px)");
+  const measure = () => store.set({ narrow: phone.matches });
+  phone.addEventListener("change", measure);
+  measure();
   store.set({ inspector: innerWidth >= 720, more: localStorage.getItem(MORE_KEY) === "true" });
   store.on("more", (more) => localStorage.setItem(MORE_KEY, String(more)));
 
@@ -32,7 +36,7 @@ function start(): void {
     return;
   }
   render(<App viewer={viewer} />, panels);
-  listen();
+  listen(() => viewer.gizmo.grabbed);
   takeDrops();
   follow();
   connect(receive);

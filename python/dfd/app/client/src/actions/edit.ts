@@ -2,9 +2,19 @@
 
 import { MathUtils } from "three";
 
-import type { Transform } from "../posing/affine";
-import type { Controls, Move, PoseTransform, TakePart } from "../protocol/messages";
-import { otherPlaces, present, ready, selectedHandle, serverPoses, store, type Ahead } from "../store/state";
+import { axisIn, typedMotion, type Transform } from "../posing/affine";
+import type { Controls, HandleState, Move, PoseTransform, TakePart } from "../protocol/messages";
+import {
+  otherPlaces,
+  present,
+  ready,
+  selectedHandle,
+  serverPoses,
+  stepAt,
+  stepText,
+  store,
+  type Ahead,
+} from "../store/state";
 import { ask, congested, send } from "./connection";
 import { note } from "./toasts";
 
@@ -13,7 +23,29 @@ export type PartChange = TakePart["how"];
 export function hold(vertex: number): void {
   const there = store.get().edit?.handles.find((handle) => handle.vertex === vertex);
   if (there) select(there.handle);
-  else send({ type: "add", at: vertex });
+  else send({ type: "add", at: vertex, level: store.get().level });
+  store.set({ level: 0 });
+}
+
+/** Take a smaller (−1) or larger (1) part: for the selected handle, or else for the point under the pointer. */
+export function resize(by: -1 | 1): void {
+  const { selected, probe } = store.get();
+  if (selected !== null) void changePart(by < 0 ? "smaller" : "larger");
+  else if (typeof probe?.vertex === "number") preview(probe.vertex, by);
+}
+
+/** Show the weights of a handle with a smaller (−1) or larger (1) part at a point, before the user adds it. */
+export function preview(vertex: number, by: -1 | 1): void {
+  const next = neighbor(vertex, store.get().level, by);
+  if (next === null) return;
+  store.set({ level: next });
+  send({ type: "probe", vertex, level: next });
+}
+
+/** Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. */
+function neighbor(vertex: number, level: number, by: -1 | 1): number | null {
+  const ladder = store.get().ladders.get(vertex);
+  return ladder?.steps[stepAt(ladder, level) + by]?.level ?? null;
 }
 
 export function select(handle: number | null): void {
@@ -61,6 +93,8 @@ export function suggest(): void {
 }
 
 const SLIDER_INTERVAL = 80; // milliseconds between two requests while a slider moves
+/** Factor of a numeric reach for one notch of the wheel. */
+const WHEEL_FACTOR = 1.15;
 const DRAG_INTERVAL = 50; // milliseconds between two requests of a drag
 /** After this many milliseconds without a request, the next request is a new undo step. */
 const GESTURE = 1000;
@@ -91,6 +125,9 @@ export function throttle(key: string, request: (merge: boolean) => unknown, inte
 
 interface Drag {
   readonly handle: number;
+  readonly start: Transform;
+  /** Whether the gizmo moves the handle. If not, the user only types numbers. */
+  readonly pointer: boolean;
   begun: boolean;
   latest: Transform | null;
   /** Controls that the wheel has changed since the last request. */
@@ -99,25 +136,81 @@ interface Drag {
 
 let drag: Drag | null = null;
 
-export function startDrag(): void {
-  const { selected } = store.get();
-  if (selected === null) return;
-  drag = { handle: selected, begun: false, latest: null, controls: {} };
-  store.set({ dragging: true, probe: null, moment: null, playing: false });
+export function startDrag(pointer = true): void {
+  store.set({ probe: null, moment: null, playing: false });
+  const known = selectedHandle(store.get());
+  if (!known) return;
+  const start = present(store.get(), known).transform;
+  drag = { handle: known.handle, start, pointer, begun: false, latest: null, controls: {} };
+  store.set({ dragging: true });
 }
 
 export function dragTo(transform: Transform): void {
   const own = drag;
-  if (!own) return;
+  // A typed number replaces the motion of the pointer.
+  if (!own || store.get().typed) return;
   own.latest = transform;
   showAhead(own.handle, { transform }, Infinity);
   throttle("drag", () => own === drag && sendDrag(own, false), DRAG_INTERVAL);
 }
 
 export function endDrag(): void {
-  if (drag?.latest) showAhead(drag.handle, {}, sendDrag(drag, true));
-  drag = null;
+  finish();
   store.set({ dragging: false });
+}
+
+/** Keep the motion of the drag. A pointer that is still down does not change it. */
+function finish(): void {
+  if (drag?.latest) showAhead(drag.handle, {}, sendDrag(drag, true));
+  drop();
+}
+
+function drop(): void {
+  const pointer = drag?.pointer === true;
+  drag = null;
+  store.set({ typed: null, dragging: pointer });
+}
+
+/** Return the handle to where it was before the drag. */
+function cancel(own: Drag): void {
+  store.set({ ahead: new Map([...store.get().ahead].filter(([handle]) => handle !== own.handle)) });
+  if (own.begun) send({ type: "undo" });
+  drop();
+}
+
+/** Begin to type a motion of the selected handle. */
+export function startTyping(): void {
+  if (!selectedHandle(store.get())) note("Click a part first. Then type an axis and a number, such as X 0.2.");
+  else if (!drag) {
+    startDrag(false);
+    store.set({ typed: { axis: null, text: "" } });
+  }
+}
+
+/** Use a key during a drag: an axis, a character of a number, Enter or Esc. Return whether the key was used. */
+export function typeKey(key: string, grabbed: number | null): boolean {
+  const own = drag;
+  if (!own) return false;
+  const { axis, text } = store.get().typed ?? { axis: grabbed, text: "" };
+  const named = ["X", "Y", "Z"].indexOf(key);
+  if (key === "Esc") cancel(own);
+  else if (key === "Enter") finish();
+  else if (named >= 0) type(own, named, text);
+  else if (/^[\d.,-]$/.test(key)) type(own, axis, text + key.replace(",", "."));
+  else if (key === "Delete") type(own, axis, text.slice(0, -1));
+  else return store.get().typed !== null;
+  return true;
+}
+
+function type(own: Drag, axis: number | null, text: string): void {
+  const state = store.get();
+  const value = text === "" ? NaN : Number(text);
+  own.latest = Number.isFinite(value)
+    ? typedMotion(own.start, state.gizmo, axisIn(own.start, axis, state.local), value)
+    : own.start;
+  store.set({ typed: { axis, text } });
+  showAhead(own.handle, { transform: own.latest }, Infinity);
+  if (serverPoses(store.get())) send({ type: "compute", transforms: [poseTransform([own.handle, own.latest])] });
 }
 
 function sendDrag(own: Drag, settle: boolean): number {
@@ -131,15 +224,25 @@ function sendDrag(own: Drag, settle: boolean): number {
   return request;
 }
 
-/** Multiply the reach of the dragged handle by a factor, in the same undo step as the drag. */
-export function wheelReach(factor: number): void {
+/** Let the dragged handle move less (−1) or more (1) of the surface, in the same undo step as the drag. */
+export function resizeDragged(by: -1 | 1): void {
   const state = store.get();
   const known = selectedHandle(state);
-  if (!known || !drag?.latest) return;
-  const reach = MathUtils.clamp(present(state, known).reach * factor, 0.02, 2);
-  drag.controls = { reach };
-  showAhead(drag.handle, { reach }, Infinity);
-  dragTo(drag.latest);
+  if (!known || !drag) return;
+  const { reach, reach_by, level, origin, mask_part } = present(state, known);
+  const next = neighbor(origin, level, by);
+  const byNumber = { reach: MathUtils.clamp(reach * WHEEL_FACTOR ** by, 0.02, 2) };
+  const changed = reach_by === "number" ? byNumber : next === null ? null : { level: next };
+  if (!changed) return;
+  drag.controls = mask_part && changed !== byNumber ? { ...changed, mask: "part" } : changed;
+  showAhead(drag.handle, changed, Infinity);
+  dragTo(drag.latest ?? drag.start);
+}
+
+/** Return how much the dragged handle moves, in the mode that its reach has: the step of its part, or a distance. */
+export function reachText(handle: HandleState): string {
+  const part = handle.reach_by === "part" && handle.region === 0;
+  return (part && stepText(store.get(), handle.origin, handle.level)) || `reach ${handle.reach.toFixed(2)}`;
 }
 
 /** Set a control by a slider. */

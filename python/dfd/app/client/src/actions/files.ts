@@ -34,11 +34,16 @@ export async function upload(files: readonly File[]): Promise<void> {
   }
 }
 
-/** Accept files that are dropped anywhere on the page. */
+/** Accept files that are dropped anywhere on the page, and highlight the page meanwhile. */
 export function takeDrops(): void {
-  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("dragover", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer?.types.includes("Files")) store.set({ dropping: true });
+  });
+  addEventListener("dragleave", (event) => event.relatedTarget === null && store.set({ dropping: false }));
   addEventListener("drop", (event) => {
     event.preventDefault();
+    store.set({ dropping: false });
     void upload([...(event.dataTransfer?.files ?? [])]);
   });
 }

@@ -1,7 +1,7 @@
 /** Send requests when the state changes. */
 
 import { ready, selectedHandle, serverPoses, store } from "../store/state";
-import { send } from "./connection";
+import { ask, send } from "./connection";
 import { seenTransforms, throttle } from "./edit";
 
 export function follow(): void {
@@ -21,6 +21,16 @@ export function follow(): void {
     ({ gizmo, selected, dragging, edit }) =>
       gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const),
     (wanted) => wanted && send({ type: "axis", handle: wanted[0] }),
+  );
+  // Request the parts at the selected handle and at the pointer.
+  store.watch(
+    (state) => {
+      const vertices = [selectedHandle(state)?.origin, state.probe?.vertex].filter(
+        (vertex) => typeof vertex === "number",
+      );
+      return state.edit?.field.parts.length ? vertices.find((vertex) => !state.ladders.has(vertex)) : undefined;
+    },
+    (vertex) => vertex !== undefined && ask({ type: "ladder", vertex }, true),
   );
   store.watch(
     (state) => state.look === "features" && ready(state) && state.mesh,

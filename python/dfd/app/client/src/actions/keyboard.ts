@@ -27,10 +27,25 @@ function escape(): void {
 }
 
 type Switch =
-  "comparing" | "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "local";
+  | "orthographic"
+  | "comparing"
+  | "snap"
+  | "wireframe"
+  | "xray"
+  | "isolated"
+  | "more"
+  | "inspector"
+  | "help"
+  | "timeline"
+  | "local";
 
 export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
+}
+
+function nextLook(): void {
+  const { look: now } = store.get();
+  store.set({ look: LOOKS[(LOOKS.indexOf(now) + 1) % LOOKS.length] });
 }
 
 const withSelected = (run: (handle: number) => void) => () => {
@@ -61,8 +76,9 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["D", "Handle", "Bend", set({ gizmo: "bend", tool: "hold" })],
   ["L", "Handle", "Local or world axes", () => toggle("local")],
   ["S", "Handle", "Snap", () => toggle("snap")],
-  ["]", "Handle", "Give the handle a larger part", () => edit.changePart("larger")],
-  ["[", "Handle", "Give the handle a smaller part", () => edit.changePart("smaller")],
+  ["G", "Handle", "Type a motion, such as G X 0.2 Enter", edit.startTyping],
+  ["]", "Handle", "Larger part", () => edit.resize(1)],
+  ["[", "Handle", "Smaller part", () => edit.resize(-1)],
   ["N", "Handle", "Next handle", () => cycle(1)],
   ["Shift N", "Handle", "Previous handle", () => cycle(-1)],
   ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
@@ -73,20 +89,22 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["B", "Tools", "Brush", set({ tool: "paint" })],
   ["M", "Tools", "Box", set({ tool: "box" })],
   ["P", "Tools", "Move the pivot", set({ tool: "pivot" })],
-  ["G", "Tools", "Suggest handles", edit.suggest],
-  ["Shift G", "Tools", "Add the next suggested handle", holdNext],
+  ["A", "Tools", "Suggest handles", edit.suggest],
+  ["Shift A", "Tools", "Add the next suggested handle", holdNext],
   ["C", "View", "Compare with the original", () => ready(store.get()) && toggle("comparing")],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
   ["V", "View", "X-ray", () => toggle("xray")],
   ["/", "View", "Show only the handle's part", () => toggle("isolated")],
   ["F", "View", "Frame the handle's part", look("selection")],
   ["Shift F", "View", "Frame the shape", look("shape")],
-  ["Num 1", "View", "From the front", look("front")],
-  ["Num 3", "View", "From the right", look("right")],
-  ["Num 7", "View", "From above", look("top")],
-  ["Ctrl Num 1", "View", "From behind", look("back")],
-  ["Ctrl Num 3", "View", "From the left", look("left")],
-  ["Ctrl Num 7", "View", "From below", look("bottom")],
+  ["1", "View", "From the front", look("front")],
+  ["3", "View", "From the right", look("right")],
+  ["7", "View", "From above", look("top")],
+  ["Shift 1", "View", "From behind", look("back")],
+  ["Shift 3", "View", "From the left", look("left")],
+  ["Shift 7", "View", "From below", look("bottom")],
+  ["5", "View", "Orthographic or perspective", () => toggle("orthographic")],
+  ["Q", "View", "Next look: texture, clay, features, heat", nextLook],
   ["I", "View", "Inspector", () => toggle("inspector")],
   ["?", "View", "Keys", () => toggle("help"), true],
   ["Ctrl Z", "Edit", "Undo", () => store.get().edit?.can_undo && send({ type: "undo" })],
@@ -101,30 +119,35 @@ export function shortcut(keys: string): Shortcut | undefined {
   return SHORTCUTS.find((each) => each[0] === keys);
 }
 
-const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
+const NAMES: Record<string, string> = {
+  " ": "Space",
+  escape: "Esc",
+  enter: "Enter",
+  backspace: "Delete",
+  delete: "Delete",
+};
 
 /** Return the keys of an event, spelled as in `SHORTCUTS`. */
 function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
-  const name = /^Numpad\d$/.test(code)
-    ? code.replace("Numpad", "Num ")
-    : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
+  // Shift and a digit give other characters, which depend on the keyboard layout.
+  const name = /^(Numpad|Digit)\d$/.test(code) ? code.slice(-1) : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
   // Some keyboard layouts need Shift for "?" or "/", so Shift is ignored for these keys.
   return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
 }
 
-export function listen(): void {
+/** `grabbed` returns the axis (0 to 2) of the gizmo that the pointer holds, or null. */
+export function listen(grabbed: () => number | null): void {
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
     const keys = keysOf(event);
     // Space plays the timeline even if a button has the focus. Enter presses the button.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;
-    const look = LOOKS.at(Number(keys) - 1);
     const found = shortcut(keys);
-    if (store.get().page !== "shape" && !found?.[4]) return;
-    if (found) found[3]();
-    else if (look && Number(keys) >= 1) store.set({ look });
-    else return;
+    if (!edit.typeKey(keys, grabbed())) {
+      if (!found || (store.get().page !== "shape" && !found[4])) return;
+      found[3]();
+    }
     event.preventDefault();
   });
 }

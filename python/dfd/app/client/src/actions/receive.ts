@@ -39,8 +39,14 @@ export function receive({ message, payload }: Received): void {
       store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
       break;
     case "heat":
-      if (message.vertex !== null && store.get().hover?.vertex === message.vertex)
-        store.set({ probe: { vertex: message.vertex, weights: payload.get("values", "U16") } });
+      if (
+        message.vertex !== null &&
+        store.get().hover?.vertex === message.vertex &&
+        store.get().level === message.level
+      )
+        store.set({
+          probe: { vertex: message.vertex, level: message.level, weights: payload.get("values", "U16") },
+        });
       break;
     case "progress":
       store.set({ progress: ENDED.includes(message.stage) ? null : message });
@@ -53,6 +59,9 @@ export function receive({ message, payload }: Received): void {
       break;
     case "similar":
       store.set({ similar: message });
+      break;
+    case "ladder":
+      store.set({ ladders: new Map([...store.get().ladders, [message.vertex, message]]) });
       break;
     case "axis":
       store.set({ axis: message });

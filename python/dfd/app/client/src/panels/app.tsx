@@ -4,6 +4,7 @@ import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { Help } from "./help";
 import { Inspector } from "./inspector";
+import { Selection } from "./selection";
 import { Start } from "./start";
 import { Ended, ProgressCard, StatusLine, Toasts } from "./status";
 import { Timeline } from "./timeline";
@@ -12,7 +13,7 @@ import { Topbar } from "./topbar";
 
 /** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const { page, inspector, timeline } = useParts();
+  const { page, inspector, timeline, dropping, narrow } = useParts();
   const shape = page === "shape";
   useEffect(() => {
     const root = document.documentElement;
@@ -25,9 +26,10 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
       {shape && (
         <>
           <Topbar viewer={viewer} />
-          <Toolbar />
+          {!narrow && <Toolbar />}
           <Inspector />
           <Timeline />
+          <Selection />
           <StatusLine />
         </>
       )}
@@ -37,6 +39,7 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
       <Toasts />
       <Help />
       <Ended />
+      {dropping && <div class="dropping">Drop the files to open them</div>}
     </>
   );
 }

@@ -5,7 +5,7 @@ import { change, changePart, move, setMotion, toggleCounterpart, type PartChange
 import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
 import type { HandleState } from "../protocol/messages";
-import { handleName, otherPlaces, present, store, type GizmoMode, type State } from "../store/state";
+import { handleName, otherPlaces, present, stepAt, stepText, store, type GizmoMode, type State } from "../store/state";
 import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
@@ -196,13 +196,21 @@ const UNITS: readonly Way[] = [
   ["component", "Give the handle the whole connected component"],
 ];
 
+const NOT_FOUND =
+  "No part was found here, so all surface that looks alike follows. Take a smaller or larger part, or paint a region.";
+const LEFT = "Another piece touches this part, and stays behind.";
+
 interface PartButtonsProps {
   readonly ways: readonly PartChange[];
   readonly handle: HandleState;
 }
 
 /** Buttons that change the handle's part. While the pointer is on a button, the view shows the new part. */
-function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
+function PartButtons({ ways, handle: { handle, columns, region, origin, level } }: PartButtonsProps) {
+  const { ladders } = useParts();
+  const ladder = region === 0 ? ladders.get(origin) : undefined;
+  const at = ladder ? stepAt(ladder, level) : 0;
+  const step = ladder?.steps[at];
   const [pointed, setPointed] = useState<PartChange | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
   const held = [handle, ...columns.map(({ column }) => column)].join();
@@ -212,7 +220,7 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
     let current = true;
     void ask({ type: "take_part", handle, how: pointed, preview: true }, true).then((answer) => {
       if (!answer) setMissing((others) => [...others, pointed]);
-      else if (current) store.set({ probe: { vertex: null, weights: answer.payload.get("values", "U16") } });
+      else if (current) store.set({ probe: { vertex: null, level: 0, weights: answer.payload.get("values", "U16") } });
     });
     return () => {
       current = false;
@@ -220,20 +228,25 @@ function PartButtons({ ways, handle: { handle, columns } }: PartButtonsProps) {
     };
   }, [pointed, held]);
   const leave = () => setPointed(null);
+  const [first, last] = ladder ? [at === 0, at === ladder.steps.length - 1] : [false, false];
+  const ends = { smaller: first, larger: last } as Partial<Record<PartChange, boolean>>;
   const button = ([way, hint]: Way) => (
     <Button
       key={way}
       text={titled(way)}
-      style="small"
+      style={way === "larger" && step?.leaves && !last ? "primary small" : "small"}
       title={missing.includes(way) ? "There is no such part here" : hint}
-      disabled={ways.length === 0 || missing.includes(way)}
+      disabled={ways.length === 0 || missing.includes(way) || ends[way] === true}
       onPoint={() => setPointed(way)}
       onPress={() => void changePart(way)}
     />
   );
   return (
     <div role="group" aria-label="Part of the handle" onPointerLeave={leave} onFocusOut={leave}>
+      {step && <p class="step">{stepText({ ladders }, origin, level)}</p>}
       <div class="buttons">{SIZES.map(button)}</div>
+      {step && !step.found && <p class="empty">{NOT_FOUND}</p>}
+      {step?.leaves && <p class="empty">{last ? LEFT : `${LEFT} A larger part may take it along.`}</p>}
       <div class="buttons">{UNITS.filter(([way]) => ways.includes(way)).map(button)}</div>
     </div>
   );

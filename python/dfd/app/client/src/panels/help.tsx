@@ -8,16 +8,14 @@ type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
   ["Click", "Add a handle"],
   ["Drag", "Orbit; the right button pans"],
-  ["Wheel", "Zoom; during a drag, change the reach"],
+  ["Wheel", "Zoom; on a part, or during a drag, a smaller or larger part"],
+  ["Ctrl Wheel", "Zoom everywhere"],
   ["Shift Click", "Add the clicked part to the handle"],
   ["Ctrl Click", "Remove the clicked part from the handle"],
 ];
 const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
-const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];
-
 function entriesOf(group: Shortcut[1]): readonly Entry[] {
-  const entries = SHORTCUTS.filter((shortcut) => shortcut[1] === group).map(([keys, , label]): Entry => [keys, label]);
-  return group === "View" ? [LOOKS, ...entries] : entries;
+  return SHORTCUTS.filter((shortcut) => shortcut[1] === group).map(([keys, , label]) => [keys, label]);
 }
 
 export function Help() {
@@ -58,7 +56,11 @@ function KeyGroup({ title, entries }: KeyGroupProps) {
       <dl>
         {entries.map(([keys, label]) => (
           <div key={label}>
-            <dt>{keys.split(" ").map((key) => (key === "…" ? " … " : <kbd key={key}>{key}</kbd>))}</dt>
+            <dt>
+              {keys.split(" ").map((key) => (
+                <kbd key={key}>{key}</kbd>
+              ))}
+            </dt>
             <dd>{label}</dd>
           </div>
         ))}

@@ -1,24 +1,23 @@
-/** The panels on the right: handles, fixed points, the brush and settings. */
+/** The panels on the right: handles, fixed points and settings. */
 
 import { send } from "../actions/connection";
-import { regionOf, throttle } from "../actions/edit";
+import { throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
-import { draws, handleName, placeName, ready, selectedHandle, store } from "../store/state";
+import { placeName, ready, selectedHandle } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
+import { count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
   const state = useParts();
-  const { inspector, edit, tool, painted } = state;
+  const { inspector, edit } = state;
   const handle = selectedHandle(state);
   if (!inspector) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
-      {(draws(tool) || painted) && <BrushPanel />}
       <HandleList />
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
@@ -26,46 +25,6 @@ export function Inspector() {
       {edit && <ShapePanel known={edit} />}
       {edit && state.more && ready(state) && <DefaultPanel known={edit} />}
     </aside>
-  );
-}
-
-function BrushPanel() {
-  const state = useParts();
-  const { brush, painted, tool } = state;
-  const selected = selectedHandle(state);
-  const use = (what: (region: { mask: string }) => void) => () => {
-    if (!painted) return;
-    what(regionOf(painted.weights));
-    store.set({ painted: null, tool: "hold" });
-  };
-  return (
-    <Panel title={tool === "box" ? "Box" : "Brush"}>
-      {tool !== "box" && (
-        <Slider
-          label="Size"
-          value={brush}
-          range={[0.005, 0.2, 0.005]}
-          text={`${(100 * brush).toFixed(1)} % of the size`}
-          onChange={(radius) => store.set({ brush: radius })}
-        />
-      )}
-      <p class="empty" role="status">
-        {painted ? `${painted.count} vertices are selected.` : "Paint the shape, or draw a box. Shift erases."}
-      </p>
-      <div class="buttons">
-        <Button text="Fix" style="primary" disabled={!painted} onPress={use((at) => send({ type: "fix", at }))} />
-        <Button text="Add handle" disabled={!painted} onPress={use((at) => send({ type: "add", at }))} />
-        {selected && (
-          <Button
-            text="Limit"
-            disabled={!painted}
-            title={`Limit ${handleName(selected)} to this region`}
-            onPress={use((mask) => send({ type: "change", handle: selected.handle, controls: { mask } }))}
-          />
-        )}
-        <Button text="Clear" disabled={!painted} onPress={() => store.set({ painted: null })} />
-      </div>
-    </Panel>
   );
 }
 

@@ -1,51 +1,26 @@
 import { send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
-import { present, ready, selectedHandle, type State } from "../store/state";
 import { useParts } from "../store/use";
-import { held } from "../viewer/scene";
-import { Button, IconButton, percent, titled } from "../widgets/controls";
-
-const HINTS = {
-  hold: "Click a point to add a handle · drag to orbit",
-  fix: "Click a point to fix it · click it again to release it",
-  paint: "Paint the shape · Shift erases · right button orbits",
-  box: "Draw a box over the shape · Shift erases · right button orbits",
-  pivot: "Drag the gizmo to move the pivot of the selected handle",
-} as const;
+import { Button, IconButton, titled } from "../widgets/controls";
+import { nextStep } from "./next_step";
 
 export function StatusLine() {
   const state = useParts();
-  const { link, tool, dragging, report, edit, ahead, comparing } = state;
-  const { gizmo, selected, axis } = state;
+  const { link, dragging, report, ahead } = state;
   const said = report && !dragging ? report.text : "";
-  const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
-  const usual = bends ? (axis.tip ? "Drag the tip to bend the held part" : "The held part cannot bend") : HINTS[tool];
-  const hint = dragging
-    ? dragText(state)
-    : comparing
-      ? "The original shape"
-      : ready({ edit })
-        ? usual
-        : "Drag to orbit";
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
         {link === "open" ? (ahead.size > 0 ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
       </span>
-      <span class="hint">{hint}</span>
+      <span class="hint" role="status">
+        {nextStep(state)}
+      </span>
       <span class="report" role="status" title={said}>
         {said}
       </span>
     </footer>
   );
-}
-
-/** Return a text about the reach of the dragged handle. The wheel changes the reach. */
-function dragText(state: State): string {
-  const known = selectedHandle(state);
-  if (!known) return "";
-  const { reach, handle } = present(state, known);
-  return `Wheel: reach ${reach.toFixed(2)} · moves ${percent(held(state, handle))} of the surface`;
 }
 
 export function Toasts() {

@@ -5,7 +5,7 @@ import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { IconButton, KeyButton, Menu, Segmented, type MenuItem } from "../widgets/controls";
+import { IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -13,16 +13,25 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   possible ? () => void exportAs(format) : null,
 ];
 
-const VIEWS: readonly (readonly MenuItem[])[] = [
-  ["F", "Shift F"],
-  ["Num 1", "Num 3", "Num 7"],
-  ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
-].map((group) =>
-  SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [label, keys, () => void run()]),
-);
+/** Return menu items for the actions of keyboard shortcuts. */
+function keyItems(group: readonly string[]): readonly MenuItem[] {
+  return SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [
+    label,
+    keys,
+    () => void run(),
+  ]);
+}
+
+const VIEWS = [
+  ["F", "Shift F", "5"],
+  ["1", "3", "7"],
+  ["Shift 1", "Shift 3", "Shift 7"],
+].map(keyItems);
+const TOOLS = ["H", "X", "B", "M", "P"];
+const MODES = ["W", "E", "R", "D"];
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, inspector, timeline } = useParts();
+  const { edit, mesh, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", "Ctrl O", chooseFiles],
@@ -45,17 +54,58 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves),
     exported("Weights", "NPZ", "weights", held),
   ];
+  const steps = ["Beginning", ...(edit?.steps ?? [])];
+  const done = edit?.step ?? 0;
+  const history = steps.map((name, i): MenuItem => {
+    return [name, i === done ? "now" : "", i === done ? null : () => send({ type: "go", step: i })];
+  });
+  history.reverse();
+  const undo = <KeyButton icon="undo" keys="Ctrl Z" disabled={!edit?.can_undo} />;
+  const redo = <KeyButton icon="redo" keys="Ctrl Shift Z" disabled={!edit?.can_redo} />;
+  const inspect = <KeyButton icon="inspector" keys="I" pressed={inspector} />;
+  const name = (
+    <h1 class="name" title={mesh?.name}>
+      {mesh?.name ?? "dfd"}
+    </h1>
+  );
+  if (narrow) {
+    const looks = LOOKS.map((each): MenuItem => [
+      titled(each),
+      each === look ? "now" : "",
+      () => store.set({ look: each }),
+    ]);
+    const groups = [
+      open,
+      keyItems(TOOLS),
+      keyItems(["A", "C", "T", "?"]),
+      looks,
+      ...VIEWS,
+      saved,
+      shapes,
+      rigs,
+      history,
+    ];
+    return (
+      <header class="topbar">
+        <Menu icon="menu" label="Menu" groups={groups} />
+        {name}
+        {undo}
+        {redo}
+        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES)]} />
+        {inspect}
+      </header>
+    );
+  }
   return (
     <header class="topbar">
       <div class="bar-group">
         <Menu icon="open" label="File" groups={[open, saved]} />
-        <h1 class="name" title={mesh?.name}>
-          {mesh?.name ?? "dfd"}
-        </h1>
+        {name}
       </div>
       <div class="bar-group">
-        <KeyButton icon="undo" keys="Ctrl Z" disabled={!edit?.can_undo} />
-        <KeyButton icon="redo" keys="Ctrl Shift Z" disabled={!edit?.can_redo} />
+        {undo}
+        {redo}
+        <Menu icon="steps" label="Steps" groups={[history]} />
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
@@ -65,9 +115,9 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       <div class="bar-group end">
         <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
         <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs]} />
-        <KeyButton icon="play" keys="T" pressed={timeline} />
+        <KeyButton icon="timeline" keys="T" pressed={timeline} />
         <KeyButton icon="help" keys="?" />
-        <KeyButton icon="inspector" keys="I" pressed={inspector} />
+        {inspect}
       </div>
     </header>
   );

@@ -41,6 +41,42 @@ export const REST: Transform = {
   joint: null,
 };
 
+/** Return the unit vector of an axis (0 to 2) of the mesh, or of the rotated handle if `local`; null without an axis. */
+export function axisIn(transform: Transform, axis: number | null, local: boolean): Vector3 | null {
+  if (axis === null) return null;
+  const unit = new Vector3().setComponent(axis, 1);
+  if (!local) return unit;
+  if (transform.axes) unit.applyMatrix4(basisOf(transform.axes));
+  return unit.applyQuaternion(quaternionOf(transform.rotation));
+}
+
+/** Return `start` with one more motion by a typed `value`, along or about `axis`. The usual axis is x; scale uses all. */
+export function typedMotion(
+  start: Transform,
+  motion: "translate" | "rotate" | "scale" | "bend",
+  axis: Vector3 | null,
+  value: number,
+): Transform {
+  const along = (axis ?? new Vector3(1, 0, 0)).clone();
+  const sum = (before: Vec3): Vec3 =>
+    along
+      .clone()
+      .multiplyScalar(value)
+      .add(new Vector3(...before))
+      .toArray();
+  if (motion === "translate") return { ...start, translation: sum(start.translation) };
+  if (motion === "bend") return { ...start, bend: sum(start.bend) };
+  if (motion === "rotate") {
+    const turn = new Quaternion().setFromAxisAngle(along, MathUtils.degToRad(value));
+    return { ...start, rotation: rotationOf(turn.multiply(quaternionOf(start.rotation))) };
+  }
+  if (value === 0) return start;
+  const [x, y, z] = start.scale;
+  if (!axis) return { ...start, scale: [x * value, y * value, z * value] };
+  const [dx, dy, dz] = along.toArray().map((part) => 1 + (value - 1) * Math.abs(part));
+  return { ...start, scale: [x * dx, y * dy, z * dz] };
+}
+
 export function quaternionOf(rotation: Vec3): Quaternion {
   const axis = new Vector3(...rotation);
   const angle = MathUtils.degToRad(axis.length());

@@ -16,8 +16,10 @@ vec3 toScreen(vec3 linear) {
 }
 
 #ifdef FLAT
+in float strength;
+
 void main() {
-  color = vec4(toScreen(baseColor), opacity);
+  color = vec4(toScreen(baseColor), opacity * strength);
 }
 #else
 uniform float cutoff;

@@ -8,8 +8,13 @@ in vec4 rowColor;
 #endif
 
 #ifdef FLAT
+uniform float near; // edges within this distance are drawn at full strength
+out float strength;
+
 void main() {
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(posedPosition.xyz, 1.0);
+  vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
+  strength = pow(clamp(-near / view.z, 0.0, 1.0), 1.5);
+  gl_Position = projectionMatrix * view;
 }
 #else
 out vec3 viewPosition;

@@ -6,6 +6,7 @@ import type { Payload } from "../protocol/binary_messages";
 import type {
   AxisMessage,
   HandleState,
+  LadderMessage,
   MeshMessage,
   ProgressMessage,
   ReportMessage,
@@ -68,9 +69,17 @@ export const CLOSED = {
   selected: null as number | null,
   hover: null as Picked | null,
   /** Weights of a new handle at `vertex`. If `vertex` is null, weights of the selected handle with another part. */
-  probe: null as { readonly vertex: number | null; readonly weights: Uint16Array } | null,
+  probe: null as { readonly vertex: number | null; readonly level: number; readonly weights: Uint16Array } | null,
+  /** The level of the part that a click at the pointer holds. */
+  level: 0,
+  /** The parts at a vertex, by vertex. */
+  ladders: new Map() as ReadonlyMap<number, LadderMessage>,
+  /** The motion that the user types: its axis, and the characters of the number. */
+  typed: null as { readonly axis: number | null; readonly text: string } | null,
   /** The painted region: weights of 0 or 65535, (V), and the number of painted vertices. */
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
+  /** The pixel of the page at which the newest stroke or box ended. */
+  stroked: null as readonly [number, number] | null,
   suggestions: [] as readonly Suggestion[],
   /** The places of the selected handle and its counterparts. */
   similar: null as SimilarMessage | null,
@@ -107,6 +116,11 @@ const INITIAL = {
   /** The radius of the brush, as a fraction of the diagonal of the shape's bounding box. */
   brush: 0.05,
   toasts: [] as readonly Toast[],
+  /** Whether a file is dragged over the page. */
+  dropping: false,
+  /** Whether the window is as narrow as a phone. */
+  narrow: false,
+  orthographic: false,
   /** The newest command for the camera: show the shape or the handle's part, or look from a direction. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
@@ -166,6 +180,20 @@ export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);
   const known = handle && state.similar?.handle === handle.handle && handle.counterparts !== "only";
   return known ? state.similar.places.slice(1) : [];
+}
+
+/** Return the index of the step of `level` in a ladder. Levels beyond the ends stand for the last step there. */
+export function stepAt({ steps }: LadderMessage, level: number): number {
+  const index = steps.findIndex((step) => step.level >= level);
+  return index < 0 ? steps.length - 1 : index;
+}
+
+/** Return the step of `level` at a vertex in words; empty if the parts there are not known yet. */
+export function stepText({ ladders }: Pick<State, "ladders">, vertex: number | null, level: number): string {
+  const ladder = vertex === null ? undefined : ladders.get(vertex);
+  if (!ladder) return "";
+  const index = stepAt(ladder, level);
+  return `${index + 1} of ${ladder.steps.length}: ${ladder.steps[index].text}`;
 }
 
 /** Return whether handles can be added: the shape has a field. */

@@ -1,18 +1,22 @@
 /** Mouse, pen and touch on the canvas: hover, clicks, brush strokes, boxes, and the wheel during a drag. */
 
 import { send } from "../actions/connection";
-import { changePart, hold, select, toggleFixed, wheelReach } from "../actions/edit";
+import { changePart, hold, preview, resize, resizeDragged, select, toggleFixed } from "../actions/edit";
 import { draws, isolates, ready, store, type Picked } from "../store/state";
 import { paint } from "./overlays/brush";
 import type { Viewer } from "./viewer";
 
 const CLICK_DISTANCE = 5; // pixels; a longer motion is no click
+const NOTCH = 40; // pixels of scrolling that count as one notch of the wheel
+const ZOOM_MILLISECONDS = 400; // the wheel goes on to zoom if less than this time has passed since it zoomed
 const REST_MILLISECONDS = 100; // the weights are shown after the pointer has rested for this time
 
 export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
   /** The stroke or box that the pointer draws while it is down. */
   private drawing: "paint" | "box" | null = null;
+  private scrolled = 0;
+  private zoomed = -Infinity;
   private frame = 0;
   private timer = 0;
   private last: PointerEvent | null = null;
@@ -66,6 +70,7 @@ export class Pointer {
     const { down, drawing } = this;
     if (down?.id !== event.pointerId) return;
     if (drawing === "box") this.stroke(event, true);
+    if (drawing) store.set({ stroked: [event.clientX, event.clientY] });
     this.forget();
     if (!drawing && !down.moved) click(this.viewer.pick(...this.at(event)), event);
   }
@@ -92,23 +97,36 @@ export class Pointer {
       this.unhover();
       return;
     }
-    const { probe } = store.get();
-    const same = probe?.vertex === picked.vertex;
+    const { probe, level } = store.get();
+    const same = probe?.vertex === picked.vertex && probe.level === level;
     store.set({ hover: picked, probe: same ? probe : null });
     if (!same) this.timer = window.setTimeout(() => showWeights(picked), REST_MILLISECONDS);
   }
 
   private wheeled(event: WheelEvent): void {
-    if (!store.get().dragging) return;
-    wheelReach(Math.exp(-(event.deltaY || event.deltaX) / 900));
+    const { dragging, probe, selected } = store.get();
+    const onPoint = typeof probe?.vertex === "number";
+    const onHandle = selected !== null && this.viewer.gizmo.busy;
+    const zooms = event.ctrlKey || event.timeStamp - this.zoomed < ZOOM_MILLISECONDS;
+    if (!dragging && (zooms || !(onHandle || onPoint))) {
+      this.zoomed = event.timeStamp;
+      return;
+    }
     event.preventDefault();
     event.stopImmediatePropagation();
+    this.scrolled += event.deltaY || event.deltaX;
+    if (Math.abs(this.scrolled) < NOTCH) return;
+    const by = this.scrolled > 0 ? -1 : 1;
+    this.scrolled = 0;
+    if (dragging) resizeDragged(by);
+    else if (onHandle) resize(by);
+    else if (onPoint) preview(probe.vertex, by);
   }
 
   private unhover(): void {
     clearTimeout(this.timer);
     this.last = null;
-    if (store.get().hover ?? store.get().probe) store.set({ hover: null, probe: null });
+    if (store.get().hover ?? store.get().probe) store.set({ hover: null, probe: null, level: 0 });
   }
 
   private forget(): void {
@@ -136,5 +154,6 @@ function click(picked: Picked | null, { shiftKey, ctrlKey, metaKey }: PointerEve
 /** Show the weights that a new handle at a point would have. */
 function showWeights({ vertex }: Picked): void {
   const state = store.get();
-  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state)) send({ type: "probe", vertex });
+  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state))
+    send({ type: "probe", vertex, level: state.level });
 }

@@ -30,6 +30,8 @@ import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
 
 const WIRE = "#10182c";
+/** Edges of at least this number of pixels are drawn at full strength; shorter edges are fainter. */
+const LONG_EDGE = 14;
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
@@ -50,6 +52,8 @@ export class Shape {
   private readonly materials: ShaderMaterial[];
   private readonly wires: Mesh<BufferGeometry, ShaderMaterial>;
   private readonly textures: Texture[] = [];
+  /** The mean length of the triangles' sides, mesh units. */
+  private readonly edge: number;
   private look: Look = "texture";
   private heats = false;
 
@@ -66,6 +70,7 @@ export class Shape {
     this.posed = new PosePass(renderer, this.positions, payload.get("normals", "I16"), this.vertexOf, this.pose);
     const triangles = payload.get("triangles", "U32");
     this.faces = new Faces(this.positions, triangles);
+    this.edge = meanEdge(this.positions, triangles);
     const { geometry } = this;
     const { position, normal, rest } = this.posed;
     // three.js needs `position` to count the rows.
@@ -77,7 +82,7 @@ export class Shape {
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
     this.materials = message.materials.map((entry) => this.material(entry, payload));
-    const flat = { baseColor: { value: new Color(WIRE) }, opacity: { value: 0.5 } };
+    const flat = { baseColor: { value: new Color(WIRE) }, opacity: { value: 0.5 }, near: { value: 1 } };
     this.wires = new Mesh(
       geometry,
       material("surface", flat, { defines: { FLAT: "" }, wireframe: true, transparent: true, depthWrite: false }),
@@ -109,6 +114,11 @@ export class Shape {
       each.depthWrite = !xray;
     }
     this.compile();
+  }
+
+  /** Draw the wireframe fainter where edges are short in the picture, so that they do not cover the shape. */
+  fadeWires(slopeOfPixel: number): void {
+    this.wires.material.uniforms.near.value = this.edge / slopeOfPixel / LONG_EDGE;
   }
 
   /** Set the colors that show the features of the vertices, (V, 4). */
@@ -205,4 +215,15 @@ export class Shape {
       // If the browser cannot read the picture, the material keeps its plain color.
     }
   }
+}
+
+/** Return the mean length of the first side of about 1,000 triangles. */
+function meanEdge(positions: Float32Array, triangles: Uint32Array): number {
+  const step = 3 * Math.max(Math.floor(triangles.length / 3000), 1);
+  const [a, b] = [new Vector3(), new Vector3()];
+  let [sum, count] = [0, 0];
+  for (let corner = 0; corner < triangles.length; corner += step, count++) {
+    sum += a.fromArray(positions, 3 * triangles[corner]).distanceTo(b.fromArray(positions, 3 * triangles[corner + 1]));
+  }
+  return count > 0 ? sum / count : 1;
 }

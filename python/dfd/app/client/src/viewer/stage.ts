@@ -7,6 +7,8 @@ import type { Vec3 } from "../posing/affine";
 import type { View } from "../store/state";
 
 const FIELD_OF_VIEW = 38;
+/** At this field of view, all rays of the picture are parallel up to less than a pixel: the view is orthographic. */
+const NARROW_FIELD = 0.1;
 
 /** Directions from the shape to the camera. `top` and `bottom` are tilted, so that the camera has an up direction. */
 export const VIEWS: Record<View, Vec3> = {
@@ -31,6 +33,8 @@ export class Stage {
   width = 1;
   height = 1;
   private pending = 0;
+  /** The radius of the shape. */
+  private radius = 1;
 
   constructor(readonly canvas: HTMLCanvasElement) {
     const antialias = !drawsInSoftware();
@@ -60,6 +64,7 @@ export class Stage {
   draw(): void {
     cancelAnimationFrame(this.pending);
     this.pending = 0;
+    this.clip();
     this.draws();
     this.renderer.render(this.scene, this.camera);
     this.drawn();
@@ -67,19 +72,37 @@ export class Stage {
 
   /** Look at a shape at the origin with the given radius, from the view `usual`. */
   frameShape(radius: number): void {
-    this.camera.near = radius / 100;
-    this.camera.far = radius * 60;
-    this.orbit.minDistance = radius / 20;
-    this.orbit.maxDistance = radius * 20;
+    this.radius = radius;
+    this.limit();
     this.frame([0, 0, 0], radius, VIEWS.usual);
   }
 
   /** Show a whole sphere, seen from a given direction or from the present direction. */
   frame(center: Vec3, radius: number, from?: Vec3): void {
-    const half = (FIELD_OF_VIEW * Math.PI) / 360;
+    const half = (this.camera.fov * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
     const distance = (1.02 * radius) / Math.sin(narrow);
     this.placeCamera(from ? new Vector3(...from) : this.direction, distance, new Vector3(...center));
+  }
+
+  /** Switch between an orthographic and a perspective view of the same size at the target. */
+  setOrthographic(on: boolean): void {
+    const before = this.slopeOfPixel;
+    this.camera.fov = on ? NARROW_FIELD : FIELD_OF_VIEW;
+    this.limit();
+    this.placeCamera(this.direction, (this.direction.length() * before) / this.slopeOfPixel, this.orbit.target);
+  }
+
+  /** Limit the distance of the camera, so that the shape stays visible. */
+  private limit(): void {
+    const stretch = Math.tan((FIELD_OF_VIEW * Math.PI) / 360) / Math.tan((this.camera.fov * Math.PI) / 360);
+    this.orbit.minDistance = (stretch * this.radius) / 20;
+    this.orbit.maxDistance = stretch * this.radius * 20;
+  }
+
+  /** The length that a pixel shows, divided by the distance from the camera. */
+  get slopeOfPixel(): number {
+    return (2 * Math.tan((this.camera.fov * Math.PI) / 360)) / this.height;
   }
 
   /** Look at the same point from another direction. */
@@ -95,9 +118,17 @@ export class Stage {
   private placeCamera(from: Vector3, distance: number, target: Vector3): void {
     this.orbit.target.copy(target);
     this.camera.position.copy(from).setLength(distance).add(target);
-    this.camera.updateProjectionMatrix();
+    this.clip();
     this.orbit.update();
     this.invalidate();
+  }
+
+  /** Set the distances between which the camera sees, so that they contain the shape. */
+  private clip(): void {
+    const away = this.camera.position.length();
+    this.camera.near = Math.max(away - 30 * this.radius, this.radius / 100);
+    this.camera.far = away + 30 * this.radius;
+    this.camera.updateProjectionMatrix();
   }
 
   /** Project a point to pixels from the top left of the view; null if it is behind the camera. */

@@ -38,7 +38,10 @@ export class Viewer {
     private readonly box: HTMLElement,
   ) {
     this.stage = new Stage(canvas);
-    this.stage.draws = () => this.shape?.posed.update();
+    this.stage.draws = () => {
+      this.shape?.posed.update();
+      this.shape?.fadeWires(this.stage.slopeOfPixel);
+    };
     this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
     this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
@@ -90,6 +93,7 @@ export class Viewer {
       },
       () => this.dress(),
     );
+    store.on("orthographic", (on) => stage.setOrthographic(on));
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
     store.on("tool", (tool) => {
       stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
@@ -206,5 +210,17 @@ export class Viewer {
 /** Keys of the state on which the pose and the marks depend. */
 const POSED_BY = [
   ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
-  ...(["suggestions", "similar", "dragging", "gizmo", "local", "snap", "tool", "axis"] as const),
+  ...([
+    "hover",
+    "ladders",
+    "level",
+    "suggestions",
+    "similar",
+    "dragging",
+    "gizmo",
+    "local",
+    "snap",
+    "tool",
+    "axis",
+  ] as const),
 ];

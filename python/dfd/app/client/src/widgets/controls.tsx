@@ -298,9 +298,9 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
         <div class="menu-list" role="menu" aria-label={label}>
           {groups.map((group, i) => (
             <div key={i} role="group">
-              {group.map(([line, hint, run]) => (
+              {group.map(([line, hint, run], number) => (
                 <button
-                  key={line}
+                  key={number}
                   type="button"
                   role="menuitem"
                   disabled={!run}

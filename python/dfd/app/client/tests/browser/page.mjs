@@ -93,6 +93,8 @@ function installHook() {
         return at && [at[0] + box.left, at[1] + box.top];
       },
       camera: () => stage.camera.position.toArray(),
+      /** Return the unit vector from the point at the middle of the view to the camera. */
+      direction: () => stage.camera.position.clone().sub(stage.orbit.target).normalize().toArray(),
       /** Draw now, so that the canvas can be read in the same task. With `bare`, the shape is not drawn. */
       draw(bare = false) {
         const { group } = shown();

@@ -1,4 +1,4 @@
-// Save pictures of every look in two window sizes and themes, for people to inspect. A blank canvas fails the test.
+// Save pictures of every look in three window sizes and themes, for people to inspect. A blank canvas fails the test.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
@@ -7,6 +7,7 @@ import { drawn, hold, launch, openShape, openTab, PATIENCE, shot, until } from "
 const SIZES = [
   { width: 1280, height: 800 },
   { width: 800, height: 600 },
+  { width: 390, height: 844 },
 ];
 let browser;
 

@@ -69,6 +69,12 @@ step("a pointer that rests on a point shows the weights of a handle there", asyn
   assert.ok(warm > 0.95, `the weight at the point itself must be near 1, got ${warm}`);
 });
 
+step("nothing can be undone before the first edit", async () => {
+  await until(page, (s) => s.edit.planes.length > 0 || s.edit.field.parts.length > 0);
+  assert.equal(await state(page, (s) => s.edit.can_undo), false);
+  assert.ok(await page.getByRole("button", { name: "Undo" }).isDisabled());
+});
+
 step("a click adds a handle", async () => {
   const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
   await until(page, (s) => s.columns.size > 0);
@@ -85,19 +91,47 @@ step("a single counterpart is switched off and on", async () => {
   await until(page, (s) => s.edit.handles[0].excluded_counterparts.length === 0 && s.similar.places[1].on);
 });
 
-step("a drag moves the shape as the kernel does, and the wheel changes the reach meanwhile", async () => {
-  const before = (await handles())[0];
+/** Return the share of the surface, in per cent, that the status line tells during a drag. */
+const moves = async () => Number(/moves (\d+) %/.exec(await page.locator(".status .hint").textContent())[1]);
+
+step("a drag moves the shape as the kernel does, and the wheel moves less or more from the present share", async () => {
   await drag(page, [0, -50], -60, async () => {
-    assert.ok(await page.getByText(/reach .* · moves/).isVisible());
-    await page.mouse.wheel(0, 240);
-    await page.waitForTimeout(200);
+    await until(page, (s) => s.edit.handles[0].moved);
+    await page.waitForTimeout(600);
+    const begun = await moves();
+    const level = await state(page, (s) => s.edit.handles[0].level);
+    /** Turn the wheel by a notch, and return the share when the new weights are shown. */
+    const notch = async (pixels, wanted) => {
+      await page.mouse.wheel(0, pixels);
+      await until(page, (s, value) => s.edit.handles[0].level === value, wanted);
+      await page.waitForTimeout(600);
+      return moves();
+    };
+    const less = await notch(100, level - 1);
+    assert.ok(less < begun, `a notch down moves ${less} % instead of ${begun} %`);
+    assert.match(await page.locator(".status .hint").textContent(), /^\d of \d: /);
     await shot(page, "dragging");
+    const more = await notch(-100, level);
+    assert.ok(more > less && Math.abs(more - begun) <= 6, `a notch up moves ${more} % after ${less} % and ${begun} %`);
+    assert.equal(await state(page, (s) => s.edit.handles[0].reach_by), "part");
   });
   const [after] = await handles();
   assert.ok(Math.hypot(...after.translation) > 0, "the handle did not move");
-  await until(page, (s, reach) => s.edit.handles[0].reach < reach, before.reach);
   const error = await shaderError(page);
   assert.ok(error <= TOLERANCE, `the shader differs from the kernel by ${error}`);
+});
+
+step("with a numeric reach, the wheel changes this reach by small factors", async () => {
+  const by = (name) => page.getByRole("group", { name: "Reach by" }).getByRole("button", { name });
+  await by("Number").click();
+  await until(page, (s) => s.edit.handles[0].reach_by === "number");
+  const { reach } = (await handles())[0];
+  await drag(page, [0, -50], -10, async () => {
+    await page.mouse.wheel(0, 100);
+    await page.getByText(/^reach .* · moves/).waitFor();
+  });
+  await until(page, (s, before) => s.edit.handles[0].reach < before, reach);
+  assert.ok((await handles())[0].reach > 0.8 * reach);
 });
 
 step("the paper's preset is one setting and one undo step", async () => {

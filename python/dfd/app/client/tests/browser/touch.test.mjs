@@ -1,4 +1,4 @@
-// Touch input: orbit, tap, and the gizmo.
+// Touch input on a phone: one finger orbits, a tap grabs, and one bar with a menu and a sheet has everything else.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
@@ -8,7 +8,7 @@ let browser, page, problems, fingers;
 
 before(async () => {
   browser = await launch();
-  const options = { viewport: { width: 800, height: 600 }, hasTouch: true };
+  const options = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true };
   const opened = await openTab(browser, options);
   ({ page, problems } = opened);
   fingers = await opened.context.newCDPSession(page);
@@ -54,6 +54,45 @@ test("a finger on the gizmo moves the handle, not the camera", { timeout: PATIEN
   await until(page, (s) => s.edit.handles[0].moved && s.ahead.size === 0);
   assert.ok((await state(page, (s) => s.edit.handles[0].translation[1])) > 0, "the handle did not move up");
   assert.deepEqual(await camera(), before);
+});
+
+/** Check that no two buttons of the bar overlap, and that all are inside the window. */
+async function assertApart() {
+  const boxes = await page.locator(".topbar > *").evaluateAll((all) => all.map((each) => each.getBoundingClientRect()));
+  boxes.forEach(({ left, right }, i) => {
+    assert.ok(left >= 0 && right <= 390, `a button ends at ${right}`);
+    if (i > 0) assert.ok(left >= boxes[i - 1].right, "two buttons overlap");
+  });
+}
+
+test("the menu has all actions, and the inspector is a sheet below the shape", { timeout: PATIENCE }, async () => {
+  await assertApart();
+  assert.equal(await page.locator(".toolbar").count(), 0);
+  await page.getByRole("button", { name: "Menu" }).tap();
+  for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
+    assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
+  await shot(page, "phone_menu");
+  await page.getByRole("menuitem", { name: "Keys" }).tap();
+  await page.getByRole("dialog", { name: "Keys" }).waitFor();
+  await shot(page, "phone_keys");
+  await page.getByRole("button", { name: "Close" }).tap();
+  await page.getByRole("button", { name: "Motion" }).tap();
+  await page.getByRole("menuitem", { name: "Bend" }).tap();
+  await until(page, (s) => s.gizmo === "bend");
+  await page.getByRole("button", { name: "Inspector" }).tap();
+  const sheet = await page.locator(".inspector").boundingBox();
+  const view = await page.locator("canvas").boundingBox();
+  assert.deepEqual([sheet.x, sheet.width], [0, 390]);
+  assert.ok(sheet.y >= view.y + view.height && sheet.y + sheet.height <= 844);
+  assert.ok(view.height > 300, `the shape has ${view.height} pixels`);
+  await page.getByRole("button", { name: "Smaller" }).waitFor();
+  await shot(page, "phone_sheet");
+  await page.getByRole("button", { name: "Menu" }).tap();
+  await page.getByRole("menuitem", { name: "Timeline" }).tap();
+  const line = await page.locator(".timeline").boundingBox();
+  const moved = await page.locator(".inspector").boundingBox();
+  assert.ok(line.y + line.height <= moved.y + 1, "the timeline covers the sheet");
+  await shot(page, "phone_timeline");
 });
 
 test("the page reported no errors", () => {

@@ -3,6 +3,7 @@ import { describe, expect, it } from "vitest";
 
 import {
   apply,
+  axisIn,
   IDENTITY,
   interpolate,
   matrixOf,
@@ -10,6 +11,7 @@ import {
   reflection,
   REST,
   rotationOf,
+  typedMotion,
   type Frame,
   type Transform,
   type Vec3,
@@ -75,5 +77,24 @@ describe("reflection", () => {
     const across = reflection([0.6, 0.8, 0], 2);
     close(across.clone().multiply(across).elements, IDENTITY.elements);
     close(apply(across, [1.2, 1.6, 5]), [1.2, 1.6, 5]);
+  });
+});
+
+describe("typedMotion", () => {
+  const turned: Transform = { ...REST, rotation: [0, 0, 90], scale: [1, 2, 1] };
+
+  it("adds a translation, a rotation or a bend, and multiplies the scale", () => {
+    const along = (axis: number | null, local = false) => axisIn(turned, axis, local);
+    close(typedMotion(REST, "translate", along(1), 0.2).translation, [0, 0.2, 0]);
+    close(typedMotion(REST, "translate", along(null), 0.2).translation, [0.2, 0, 0]);
+    close(typedMotion(turned, "rotate", along(2), -30).rotation, [0, 0, 60]);
+    close(typedMotion({ ...REST, bend: [0, 0, 5] }, "bend", along(0), 40).bend, [40, 0, 5]);
+    close(typedMotion(turned, "scale", along(null), 3).scale, [3, 6, 3]);
+    close(typedMotion(turned, "scale", along(1), 3).scale, [1, 6, 1]);
+    expect(typedMotion(turned, "scale", null, 0)).toBe(turned);
+  });
+
+  it("uses the axes of the rotated handle on request", () => {
+    close(typedMotion(turned, "translate", axisIn(turned, 0, true), 0.2).translation, [0, 0.2, 0]);
   });
 });

@@ -56,6 +56,12 @@ export class Gizmo {
     return this.controls.dragging || this.controls.axis !== null;
   }
 
+  /** The axis (0 to 2) that the pointer drags; null without one. */
+  get grabbed(): number | null {
+    const axis = "XYZ".indexOf(this.controls.axis ?? "none");
+    return this.controls.dragging && this.controls.axis?.length === 1 && axis >= 0 ? axis : null;
+  }
+
   /** Move the gizmo to the selected handle, or hide it. */
   follow(state: State): void {
     const { gizmo, tool, local, snap, mesh } = state;

@@ -7,7 +7,7 @@ import { hold, select, toggleCounterpart } from "../../actions/edit";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { posePoint, type Scene } from "../../posing/columns";
 import { followed, LEAST_SEEN } from "../../posing/held";
-import { handleColor, handleName, otherPlaces, placeName, present, type State } from "../../store/state";
+import { handleColor, handleName, otherPlaces, placeName, present, stepText, type State } from "../../store/state";
 import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
 
@@ -18,6 +18,8 @@ interface Mark {
   readonly kind: "handle" | "handle selected" | "fixed" | "counterpart" | "counterpart off" | "suggestion" | "hover";
   readonly at: Vec3;
   readonly label: string;
+  /** Words that are shown beside the mark. */
+  readonly said?: string;
   /** The color of the handle. */
   readonly color?: string;
   readonly press?: () => unknown;
@@ -25,13 +27,14 @@ interface Mark {
 
 /** Draw marks at the pixels that `project` returns. */
 export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
-  const drawn = marks.map(({ key, kind, at, label, color, press }) => {
+  const drawn = marks.map(({ key, kind, at, label, said, color, press }) => {
     const [x, y] = project(at) ?? [null, null];
     const style = {
       "--own": color,
       ...(x === null ? { visibility: "hidden" } : { transform: `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)` }),
     };
-    const shown = { key, class: `mark ${kind}`, title: label, "aria-label": label, style };
+    const words = said && <span class="said">{said}</span>;
+    const shown = { key, class: `mark ${kind}`, title: label, "aria-label": label, style, children: words };
     return press ? <button type="button" onClick={press} {...shown} /> : <div {...shown} />;
   });
   render(drawn, layer);
@@ -80,7 +83,8 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { hover } = state;
   if (hover && !state.dragging && state.tool !== "pivot") {
     const at = posePoint(scene, shape.at(hover.row), hover.vertex);
-    marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}` });
+    const said = state.probe?.vertex === hover.vertex ? stepText(state, hover.vertex, state.level) : "";
+    marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}`, said });
   }
   return marks;
 }
