@@ -147,11 +147,12 @@ def _mesh_of(sample: str) -> dfd.Mesh:
 def posed_robot() -> dfd.Mesh:
     """Return the sample robot with its right arm raised by 70 degrees."""
     sample = SAMPLES["robot"]()
-    arm = sample.vertices_of("arm", 0)
+    arm, hand = (sample.vertices_of(part, 0) for part in ("arm", "hand"))
     vertices = sample.mesh.vertices.copy()
     shoulder = vertices[arm[vertices[arm, 1].argmax()]]
     turn = Rotation.from_euler("z", np.copysign(70, shoulder[0]), degrees=True)
-    vertices[arm] = turn.apply(vertices[arm] - shoulder) + shoulder
+    raised = np.concatenate([arm, hand])
+    vertices[raised] = turn.apply(vertices[raised] - shoulder) + shoulder
     return dfd.Mesh(vertices, sample.mesh.faces)
 
 

@@ -89,6 +89,14 @@ def test_every_page_is_made(name, context, tmp_path, small, one_thread):
         assert (tmp_path / link).stat().st_size > 1000
 
 
+def test_the_posed_robot_is_no_mirror_image():
+    resting, posed = dfd.samples.robot().mesh.vertices, subjects.posed_robot().vertices
+    moved = np.linalg.norm(posed - resting, axis=1) > 1e-6
+    assert 0.02 < moved.mean() < 0.3
+    assert (resting[moved, 0] > 0).all()
+    assert posed[moved, 1].mean() > resting[moved, 1].mean() + 0.05
+
+
 def test_every_figure_of_the_paper_has_a_page_or_a_reason():
     names = [f"fig{number}" for number in range(1, 25)] + ["table1", "table2", "table3"]
     assert sorted(names) == sorted([*PAGES, *CANNOT])
