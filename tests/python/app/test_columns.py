@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.app.session.requests import probed
 from dfd.app.session.session import NO_FIELD
-from dfd.app.session.state import Editing, quantized
+from dfd.app.session.state import Editing, quantized, short_drag
 from dfd.editing.deformer import Deformer
 
 
@@ -85,7 +85,7 @@ def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
     deformer = client.deformer
     heat = quantized(probed(deformer, 3))
-    deformer.add(3)
+    deformer.add(3, translation=short_drag(deformer.mesh)[:, 3])
     # The probe shows the part itself. A handle's weights are lower at the far end of the part.
     np.testing.assert_allclose(heat / 65535, deformer.weights[:, 0], atol=0.2)
     assert heat[3] == 65535
