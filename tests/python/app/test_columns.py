@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.app.session.requests import probed
 from dfd.app.session.session import NO_FIELD
-from dfd.app.session.state import Editing, quantized
+from dfd.app.session.state import Editing, quantized, short_drag
 from dfd.editing.deformer import Deformer
 
 
@@ -62,8 +62,10 @@ def client(deformer: Deformer) -> Client:
 
 def test_columns_are_the_bound_weights(client: Client) -> None:
     deformer = client.deformer
-    deformer.add(3, reach=0.9, falloff="linear")
-    deformer.add([0.1, 0.4, 0.1], counterparts="shared_pivot")
+    # For handles at rest, the columns are those of a short drag.
+    drag = short_drag(deformer.mesh)[:, 3]
+    deformer.add(3, reach=0.9, falloff="linear", translation=drag)
+    deformer.add([0.1, 0.4, 0.1], counterparts="shared_pivot", translation=drag)
     deformer.fix(900, strength=0.5)
     deformer.change(1, locality=3.0)
     deformer.change(2, radius="40%", mask=np.arange(600))
@@ -77,7 +79,7 @@ def test_columns_are_the_bound_weights(client: Client) -> None:
 @pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
 def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: Any) -> None:
     deformer = client.deformer
-    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, counterparts=mode)
+    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), scale=(1.2, 0.9, 1), pivot=pivot, counterparts=mode)
     np.testing.assert_allclose(client.posed(), deformer.vertices, atol=5e-5)
     assert (len(client.weights) > 1) == (mode == "own_pivot")
 
@@ -85,7 +87,7 @@ def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
     deformer = client.deformer
     heat = quantized(probed(deformer, 3))
-    deformer.add(3)
+    deformer.add(3, translation=short_drag(deformer.mesh)[:, 3])
     # The probe shows the part itself. A handle's weights are lower at the far end of the part.
     np.testing.assert_allclose(heat / 65535, deformer.weights[:, 0], atol=0.2)
     assert heat[3] == 65535

@@ -71,7 +71,7 @@ test(
     await until(page, (s) => s.probe === null && window.dfd.rests());
     const held = await heat();
     const off = shown.map((each, i) => Math.abs(each - held[i])).filter((each) => each > 0.1).length;
-    assert.ok(off < 0.02 * shown.length, `${off} of ${shown.length} weights differ`);
+    assert.ok(off < 0.05 * shown.length, `${off} of ${shown.length} weights differ`);
     const between = held.filter((each) => each > 0.1 && each < 0.9).length;
     assert.ok(between > 0, "the weights end as a sharp edge, unlike those of a drag");
   },
