@@ -76,7 +76,9 @@ class Report:
         told = [f"moved {_percent(self.moved)} of the vertices, up to {self.farthest:.3g}"]
         if self.stretch >= LEAST_STRETCH:
             told[0] += f", and stretched edges up to {self.stretch:.1f} times"
-        if len(self.handles) > 1 and all(each.arrived and each.mirrored is each.note is None for each in self.handles):
+        if len(self.handles) > 1 and all(
+            each.arrived and each.mirrored is None and each.note is None for each in self.handles
+        ):
             told.append(f"all {len(self.handles)} handles arrived")
         else:
             told += map(str, self.handles)

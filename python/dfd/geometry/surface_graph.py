@@ -90,11 +90,11 @@ def seam_links(mesh: Mesh) -> Int32:
     apart, found = cKDTree(mesh.vertices[border]).query(
         mesh.vertices[border], k=neighbors, distance_upper_bound=np.nextafter(near.max(), np.inf)
     )
-    one = np.repeat(np.arange(len(border)), neighbors)
-    some = np.isfinite(apart.ravel()) & (found.ravel() != one)
-    one, other, apart = one[some], found.ravel()[some], apart.ravel()[some]
-    close = apart <= np.minimum(near[one], near[other])
-    return np.concatenate([links, np.column_stack([border[one[close]], border[other[close]]]).astype(np.int32)])
+    start = np.repeat(np.arange(len(border)), neighbors)
+    some = np.isfinite(apart.ravel()) & (found.ravel() != start)
+    start, end, apart = start[some], found.ravel()[some], apart.ravel()[some]
+    close = apart <= np.minimum(near[start], near[end])
+    return np.concatenate([links, np.column_stack([border[start[close]], border[end[close]]]).astype(np.int32)])
 
 
 def _scaled(mesh: Mesh) -> tuple[float, Float64]:

@@ -158,7 +158,7 @@ class Parts:
         """Return the number of components of the patches `inside` (P,) that are no fragments."""
         area = self._patches.area
         sizes = [area @ each for each in self._tree.components(inside)]
-        return sum(size > FRAGMENT * max(sizes) for size in sizes)
+        return int(sum(size > FRAGMENT * max(sizes) for size in sizes))
 
     def _at_vertices(self, masks: Sequence[Bool]) -> Int64:
         """Interpolate `masks` (N,) to vertices. Return the index of the mask that is largest at each vertex, (V,)."""

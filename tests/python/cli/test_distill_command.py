@@ -13,7 +13,19 @@ from dfd.field.field import Field
 def test_distill_hands_on_what_is_given(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
     options = ("--encoder", "clip", "--device", "cpu", "--no-cache", "--preset", "paper")
-    settings = ("--views", 6, "--framing", "paper", "--no-mirrored", "--smoothing", 0.1, "--learning-rate", 0.004)
+    settings = (
+        "--views",
+        6,
+        "--framing",
+        "paper",
+        "--no-mirrored",
+        "--smoothing",
+        0.1,
+        "--batch",
+        500,
+        "--learning-rate",
+        0.004,
+    )
     with mock.patch("dfd.distill", return_value=field) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *settings)
         assert worked(run("distill", "MESH", "-o", "other.safetensors"))
@@ -29,6 +41,7 @@ def test_distill_hands_on_what_is_given(run, folder):
         "framing": "paper",
         "mirrored": False,
         "smoothing": 0.1,
+        "batch": 500,
         "learning_rate": 0.004,
     }
     assert plain == {"device": None, "cache": True}

@@ -19,7 +19,7 @@ def test_inspect_prints_five_lines(run, folder):
     assert result.stderr == ""
     mesh, box, up, field, planes = result.stdout.splitlines()
     assert mesh.endswith("chair.obj: 2,004 vertices, 4,008 faces, 1 component, closed, 0.500684 × 0.989675 × 0.535896")
-    assert re.fullmatch(r"box: from -0.25\d*,0.0312\d*,-0.2\d* to 0.25\d*,1.02\d*,0.2\d*", box)
+    assert re.fullmatch(r"box: from -0.25\d*,0.031\d*,-0.2\d* to 0.25\d*,1.02\d*,0.2\d*", box)
     assert up.startswith("up: +y")
     assert field == f"field: {folder / 'chair.field.safetensors'}, 16 dimensions, none"
     assert planes.startswith("symmetry planes: ")

@@ -375,7 +375,7 @@ class HandleWeights:
 def filled(plan: Plan, weights: Float32) -> Float32:
     """Lower `weights` (V, C) in place where the sum of a crowded group exceeds 1, and return them."""
     for group, vertices in plan.crowded:
-        among = np.ix_(vertices, group)
+        among = np.ix_(vertices, np.array(group))
         some = weights[among]
         weights[among] = some / np.maximum(some.sum(axis=1, keepdims=True), np.float32(1.0))
     return weights

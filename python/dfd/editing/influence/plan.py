@@ -127,7 +127,7 @@ def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
     """
     common = (held * sizes.astype(np.float32)) @ held.T.astype(np.float32)
     own = np.diag(common).copy()
-    union = own[:, None] + own - common
+    union: Float32 = own[:, None] + own - common
     same = (common > 0) & (common >= LEAST_IOU * union)
     nested = (common >= LEAST_NESTED * own[:, None]) & (own[:, None] > 0) & ~same
     return same, nested
