@@ -1,5 +1,6 @@
 import { connect, send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
+import { ready } from "../store/state";
 import { useParts } from "../store/use";
 import { Button, IconButton, titled } from "../widgets/controls";
 import { nextStep } from "./next_step";
