@@ -391,7 +391,7 @@ class Deformer(History):
 
     def continue_from(self, other: Deformer) -> None:
         """Take over the edit and the history of another session of the same mesh, which may have another field."""
-        self._states, self._now, self._next_id = list(other._states), other._now, other._next_id
+        self._states, self._now, self._next_id = other._states, other._now, other._next_id
 
     @public
     def set_poses(self, poses: Iterable[KeyPose]) -> None:

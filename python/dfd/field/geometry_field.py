@@ -3,8 +3,8 @@
 import numpy as np
 
 from dfd.field.vertex_field import VertexField
+from dfd.geometry.normalization import normalization
 from dfd.mesh.mesh import Mesh
-from dfd.mesh.normalization import normalization
 
 DIMENSION = 32
 SPREAD = 1.2  # standard deviation of the frequencies, radians per half of the longest side of the bounding box
