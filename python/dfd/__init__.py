@@ -23,9 +23,9 @@ if _typing.TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit_file import edit_schema
+    from dfd.editing.key_pose import KeyPose
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
-    from dfd.export.key_poses import KeyPose
     from dfd.field.field import Field
     from dfd.field.vertex_field import VertexField
     from dfd.geometry.geodesics import Geodesics
@@ -65,7 +65,7 @@ _LAZY = {
     "DistillSettings": "dfd.distillation.settings",
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
-    "KeyPose": "dfd.export.key_poses",
+    "KeyPose": "dfd.editing.key_pose",
     "Mesh": "dfd.mesh.mesh",
     "Parts": "dfd.segmentation.parts",
     "SymmetryPlane": "dfd.symmetry.plane",

@@ -24,8 +24,8 @@ import dfd
 from dfd import Field, Mesh
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.export.export_parts import export_parts
-from dfd.export.key_poses import read_key_poses
 from dfd.mesh.file.gltf.header import join_glb, split_glb
+from dfd.posing.transforms import Transform
 
 from .arrays import array_input, call_with_arrays, kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json
@@ -35,13 +35,6 @@ SHAPE = Mesh(CORNERS, CUBE)
 FIELD = made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0)
 EXPORTS: list[tuple[str, Literal["skin", "morph", "baked"]]]
 EXPORTS = [("skin.glb", "skin"), ("morph.glb", "morph"), ("baked.obj", "baked"), ("baked.ply", "baked")]
-POSES = [
-    {"seconds": 0, "transforms": []},
-    {
-        "seconds": 1.5,
-        "transforms": [{"handle": 0, "rotation": [0, 90, 0], "translation": [0, 1, 0], "scale": [1, 2, 1]}],
-    },
-]
 LONGEST_MESSAGE = 700  # characters
 
 Bytes = st.SearchStrategy[bytes]
@@ -121,15 +114,11 @@ def export_mesh(path: Path) -> None:
                 dfd.load(written)
 
 
-def load_poses(path: Path) -> None:
-    """Check that key poses that are read are finite and in order, and give finite vertices with an edit."""
-    moments = read_key_poses(path)
-    seconds = [moment.seconds for moment in moments]
-    assert np.isfinite(seconds).all()
-    session = dfd.Deformer(SHAPE, FIELD)
-    session.add(0)
+def animate(path: Path) -> None:
+    """Check that the key poses of an edit that is read give a file with an animation, which is read again."""
+    session = dfd.Deformer.load(path, SHAPE, FIELD)
     with tempfile.TemporaryDirectory() as folder:
-        dfd.export_rig(session, Path(folder, "animated.glb"), poses=moments)
+        dfd.export_rig(session, Path(folder, "animated.glb"))
         dfd.load(Path(folder, "animated.glb"))
 
 
@@ -162,6 +151,8 @@ def seeds() -> Mapping[str, list[bytes]]:
         deformer = dfd.Deformer(Mesh(CORNERS, CUBE), made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0))
         deformer.add(0, translation=(0, 1, 0), name="left horn")
         deformer.fix([1.0, 1.0, 0.5])
+        turned = Transform((0, 1, 0), (0, 90, 0), (1, 2, 1))
+        deformer.set_poses([dfd.KeyPose(0), dfd.KeyPose(1.5, {1: turned}, "turned")])
         deformer.save(folder / "made.json")
         found[".json"] = [(folder / "made.json").read_bytes()]
         return found
@@ -187,7 +178,6 @@ def _targets() -> dict[str, Target]:
         return [damage(seed) for seed in good[kind]]
 
     edits = damaged_json(json.loads(good[".json"][0])).map(to_bytes)
-    poses = st.one_of(damaged_json(POSES).map(to_bytes), damaged_bytes(json.dumps(POSES).encode()))
     rigs = [*damaged("rigged", damaged_glb), *damaged(".glb", damaged_glb), *damaged("rigged", damaged_data)]
     made: dict[str, Target] = {
         **{f"mesh{ending}": (st.one_of(damaged(ending)), load_mesh) for ending in (".obj", ".ply", ".stl", ".off")},
@@ -196,7 +186,7 @@ def _targets() -> dict[str, Target]:
         "field.safetensors": (damaged_bytes(good[".safetensors"][0]), load_field),
         "edit.json": (st.one_of(edits, edits, damaged_bytes(good[".json"][0])), load_edit),
         "applied.json": (edits, apply_edit),
-        "poses.json": (poses, load_poses),
+        "animated.json": (edits, animate),
         "arrays.json": (array_input(), call_with_arrays),
         "page.json": (page_input(), ask_all),
         "kernels.json": (kernel_input(), run_kernels),

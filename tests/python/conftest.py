@@ -28,9 +28,10 @@ settings.load_profile("any machine")
 
 @pytest.fixture(autouse=True, scope="session")
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Use a temporary cache of fields instead of the user's cache, also in child processes."""
+    """Use a temporary cache and a temporary data folder instead of the user's, also in child processes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("DFD_DATA", str(tmp_path_factory.mktemp("data")))
         yield
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dfd.common import check
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
 
 SAMPLES = ("quadruped", "chair", "robot")  # the sample shapes on the start page
 SAMPLE_FACES = 20_000  # approximate number of faces of a sample shape
+SAMPLE_FIELDS = Path(__file__).with_name("sample_fields")  # made by `python -m bench.training.sample_fields`
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,12 @@ class SessionOptions(Opening):
     distill: dict[str, Any] = dataclass_field(default_factory=dict)  # further arguments of `dfd.distill`
     deformer: Deformer | None = None  # the editing session of a notebook; all pages show it
 
+    def shipped_field(self, source: Source) -> Path | None:
+        """Return the file of a sample's field in the package, or None for another shape or other settings."""
+        path = SAMPLE_FIELDS / f"{source}.field.safetensors" if isinstance(source, str) else None
+        usual = (self.preset, self.encoder, self.distill) == ("default", DEFAULT_ENCODER, {})
+        return path if path is not None and usual and path.is_file() else None
+
     def distill_arguments(self) -> dict[str, Any]:
         """Return the keyword arguments for `dfd.distill`."""
         return {"encoder": self.encoder, "preset": self.preset, **self.distill}
@@ -61,16 +66,6 @@ def check_sample(name: str) -> str:
     if name not in SAMPLES:
         raise ValueError(f"There is no sample {name!r}; the samples are {', '.join(SAMPLES)}")
     return name
-
-
-@contextmanager
-def recorded_warnings() -> Iterator[list[UserWarning]]:
-    """Yield an empty list. When the `with` block ends, add all UserWarnings of the block to the list."""
-    messages: list[UserWarning] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        yield messages
-    messages += [each.message for each in caught if isinstance(each.message, UserWarning)]
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
@@ -84,6 +79,11 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
         return getattr(samples, check_sample(source))(SAMPLE_FACES).mesh, []
     from dfd.mesh.mesh import load
 
-    with recorded_warnings() as messages:
+    with check.recorded_warnings() as messages:
         mesh = load(source.path)
     return mesh, [str(each).replace(str(source.path), source.name).removeprefix("load: ") for each in messages]
+
+
+def read_mesh(source: Source) -> Mesh:
+    """Read the mesh of `source` without the reader's warnings; raises the errors of `read_shape`."""
+    return read_shape(source)[0]

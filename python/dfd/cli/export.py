@@ -32,7 +32,10 @@ def export(
     influences: Annotated[
         str | None, Option(metavar="N|all", help="Largest number of joints that a vertex follows; 4 if left out.")
     ] = None,
-    poses: Annotated[Path | None, Option(metavar="JSON", help="A file of key poses, written as an animation.")] = None,
+    poses: Annotated[
+        Path | None,
+        Option(metavar="JSON", help="An edit whose key poses become the animation, instead of those of --edit."),
+    ] = None,
     weights: Annotated[
         Path | None, Option(metavar="FILE", help="An .npz or .safetensors file for the weights as arrays.")
     ] = None,
@@ -57,15 +60,15 @@ def export(
 
     from dfd import export_rig, export_weights
     from dfd.common.progress import Stages
+    from dfd.editing.edit_file import read_edit
     from dfd.export.export_rig import form_for
-    from dfd.export.key_poses import read_key_poses
 
     stages = Stages()
-    moments = () if poses is None else read_key_poses(poses)
     shape = open_mesh(mesh, stages)
     if output is not None:
         form_for(shape, output, form)  # raises an error before slow work begins
     check_edit(shape, (), (), edit=edit, other_shape=force)
+    moments = None if poses is None else read_edit(poses, shape).poses
     session = open_session(shape, field, stages, edit, preset, force=force, encoder=encoder)
     with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)

@@ -3,7 +3,8 @@
 import os
 import sys
 import warnings
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
@@ -24,6 +25,7 @@ __all__ = [
     "field",
     "keywords",
     "number",
+    "recorded_warnings",
     "vertex_indices",
     "warn",
     "whole",
@@ -192,3 +194,13 @@ def warn(message: str, category: type[Warning]) -> None:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _INTERNAL:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)
+
+
+@contextmanager
+def recorded_warnings() -> Iterator[list[UserWarning]]:
+    """Yield an empty list. When the `with` block ends, add all UserWarnings of the block to the list."""
+    messages: list[UserWarning] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield messages
+    messages += [each.message for each in caught if isinstance(each.message, UserWarning)]

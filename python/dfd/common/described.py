@@ -4,6 +4,7 @@
 line creates its options from them. Importing this module does not import pydantic.
 """
 
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -59,19 +60,24 @@ class About:
         return {**handler(schema), "description": self.text, **{k: v for k, v in bounds.items() if v is not None}}
 
 
-class Written:
-    """Metadata of a field's `Annotated` type: the type in files, if it differs from the type in the dataclass."""
+def _listed(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
-    def __init__(self, written: Any) -> None:
-        self.written = written
+
+class Written:
+    """Metadata of a field's `Annotated` type: the type in files, if it differs from the type in the dataclass.
+
+    `dump` converts a value to the values in files. The default only converts NumPy arrays, to lists.
+    """
+
+    def __init__(self, written: Any, dump: Callable[[Any], Any] = _listed) -> None:
+        self.written, self.dump = written, dump
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return pydantic's schema of the type in files; NumPy arrays are written as lists."""
+        """Return pydantic's schema of the type in files, which writes values by `dump`."""
         from pydantic_core import core_schema
 
-        plain = core_schema.plain_serializer_function_ser_schema(
-            lambda value: value.tolist() if isinstance(value, np.ndarray) else value
-        )
+        plain = core_schema.plain_serializer_function_ser_schema(self.dump)
         return {**handler.generate_schema(self.written), "serialization": plain}
 
 

@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import os
+import re
 import secrets
 import stat
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 _ABANDONED = 3600.0  # seconds without a change, after which a temporary file is deleted
+LONGEST_STEM = 80  # characters
 _LONGEST_ENDING = 32  # bytes; a temporary file has the ending of its target, unless that ending is longer
 
 
@@ -25,6 +27,18 @@ def cache_directory() -> Path:
 
     named = os.environ.get("DFD_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
+
+
+def data_directory() -> Path:
+    """Return the user's data folder for `dfd`, which need not exist yet.
+
+    The environment variable DFD_DATA sets this folder. Without DFD_DATA, the folder is `dfd` in the platform's folder
+    for data of programs. On Linux, that is XDG_DATA_HOME or ~/.local/share.
+    """
+    import platformdirs
+
+    named = os.environ.get("DFD_DATA")
+    return Path(named).expanduser() if named else platformdirs.user_data_path("dfd", appauthor=False)
 
 
 def plain(value: Any) -> Any:
@@ -123,3 +137,9 @@ def read_regular(path: Path) -> bytes:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise OSError(errno.EINVAL, "it is not a file")
         return stream.read()
+
+
+def file_stem(name: str) -> str:
+    """Return the name of a file without its ending; "_" replaces characters that a file system may reject."""
+    stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
+    return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"

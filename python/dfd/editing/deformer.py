@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -21,6 +21,7 @@ from dfd.editing.history import History
 from dfd.editing.influence import handle_features
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.key_pose import KeyPose
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
@@ -383,6 +384,22 @@ class Deformer(History):
         Raises ValueError if an array has a wrong shape, or a number is not finite.
         """
         self._commit(verbs.set_default(self.edit, self.bound, given), "default", merge)
+
+    def start_with(self, edit: Edit) -> None:
+        """Begin again with `edit`, an edit of this mesh, and without history. Its weights are not checked."""
+        self._start(edit)
+
+    def continue_from(self, other: Deformer) -> None:
+        """Take over the edit and the history of another session of the same mesh, which may have another field."""
+        self._states, self._now, self._next_id = other._states, other._now, other._next_id
+
+    @public
+    def set_poses(self, poses: Iterable[KeyPose]) -> None:
+        """Replace the key poses of the edit (`edit.poses`). The present pose does not change.
+
+        Raises ValueError if an item is no key pose, or has the id of an unknown handle.
+        """
+        self._commit(replace(self.edit, poses=tuple(poses)), rebinds=False)
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
         """Evaluate the field at all vertices now, and not when their features are first needed.

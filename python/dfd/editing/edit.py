@@ -19,6 +19,7 @@ from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.common.read_only import ReadOnlyArrays
 from dfd.editing.controls import Controls
+from dfd.editing.key_pose import KeyPose
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Rules, SymmetryCandidates
 from dfd.editing.regions import members
@@ -84,9 +85,10 @@ class Fixed(Brief):
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):
-    """The state of a session: handles, fixed points, plane of symmetry, default transform and preset.
+    """The state of a session: handles, fixed points, plane of symmetry, default transform, preset and key poses.
 
     Raises ValueError if two handles share an id, two handles or fixed points share a place, or the preset is unknown.
+    Raises ValueError if a key pose has a handle that is not among `handles`.
     """
 
     # handles, fixed: in the order in which they were added
@@ -96,6 +98,7 @@ class Edit(Brief):
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None  # D₀ of Eq. 1, the transform of vertices without weights; None is the identity
     preset: Annotated[Preset, About("Defaults of new handles, and rules that combine handles.")] = "default"
+    poses: tuple[KeyPose, ...] = ()  # key poses of the timeline, which do not change the present pose
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -115,6 +118,13 @@ class Edit(Brief):
                 used = f"{fixed.place} is already used by {taken[fixed.place.key]}"
                 raise ArgumentError("fixed", f"must be at unused places, but the place {used}", "Edit")
             taken[fixed.place.key] = "a fixed point"
+        for i, pose in enumerate(self.poses):
+            if not isinstance(pose, KeyPose):
+                raise ArgumentError("poses", f"must be key poses, got {type(pose).__name__}", "Edit")
+            if unknown := sorted(set(pose.transforms) - ids):
+                known = ", ".join(map(str, sorted(ids))) or "none"
+                must = f"must use handles of the edit ({known}), got handle {unknown[0]}"
+                raise ArgumentError(f"poses[{i}].transforms", must, "Edit")
 
     @property
     def rules(self) -> Rules:
@@ -147,9 +157,10 @@ class Edit(Brief):
         return replace(self, fixed=kept)
 
     def removed(self, handle: int) -> Edit:
-        """Return the edit without the handle whose id is `handle`. Raises ValueError if there is none."""
+        """Return the edit and its key poses without the handle `handle`. Raises ValueError if there is none."""
         removed = self.handle(handle)
-        return replace(self, handles=tuple(other for other in self.handles if other is not removed))
+        poses = tuple(pose.without(handle) for pose in self.poses)
+        return replace(self, handles=tuple(other for other in self.handles if other is not removed), poses=poses)
 
     def replaced(self, changed: Handle) -> Edit:
         """Return the edit with `changed` in place of the handle with the same id."""

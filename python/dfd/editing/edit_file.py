@@ -6,7 +6,7 @@
       "preset": "default",
       "units": {"length": "mesh", "angle": "degree"},
       "mesh": {"vertices": 2930, "hash": null, "bounds": null},
-      "made_on": {"mesh": "cow.glb", "field": "cow.field.safetensors", "field_sha256": null},
+      "made_on": {"mesh": "cow.glb", "field": "cow.field.safetensors", "field_sha256": null, "name": null},
       "handles": [
         {
           "id": 1,
@@ -36,7 +36,8 @@
       ],
       "fixed": [{"vertex": 77, "position": [0.2, -0.7, 0.1], "region": null, "strength": 1.0}],
       "symmetry": {"normal": [1.0, 0.0, 0.0], "offset": 0.0, "band": 0.05},
-      "default": null
+      "default": null,
+      "poses": [{"seconds": 0.0, "transforms": [{"handle": 1, "translation": [0.0, 0.1, 0.0]}], "name": "up"}]
     }
 
 Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. Other
@@ -105,11 +106,15 @@ class MadeFor:
 
 @dataclass(frozen=True)
 class MadeOn:
-    """The files of the mesh and its field. Paths in the folder of the edit file are relative, all others absolute."""
+    """The files of the mesh and its field. Paths in the folder of the edit file are relative, all others absolute.
+
+    `name` is the name under which the user opened the mesh, for lists of edits.
+    """
 
     mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
     field: Annotated[str, StringConstraints(min_length=1)] | None = None
     field_sha256: Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")] | None = None
+    name: Annotated[str, StringConstraints(min_length=1)] | None = None
 
 
 @dataclass(frozen=True)
@@ -163,16 +168,21 @@ def edit_schema() -> dict[str, Any]:
     return schema
 
 
-def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
+def write_edit(
+    path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None, *, made_on: MadeOn | None = None
+) -> None:
     """Write `edit`, made on `mesh`, to `path`. If `field` has a file, also write the paths of the field and the mesh.
 
-    Raises OSError if `path` cannot be written; an existing file then stays unchanged.
+    `made_on` replaces these paths. Raises OSError if `path` cannot be written; an existing file then stays unchanged.
     """
     document, source = to_document(edit, mesh), None if field is None else field.source
-    if source is not None:
+    if made_on is None and source is not None:
+        files = None if mesh.source is None else str(mesh.source)
+        made_on = MadeOn(files, str(source.path), source.sha256)
+    if made_on is not None:
         folder = Path(path).resolve().parent
-        files = {"mesh": _path_for(folder, mesh.source), "field": _path_for(folder, source.path)}
-        document["made_on"] = files | {"field_sha256": source.sha256}
+        paths = {key: _path_for(folder, getattr(made_on, key)) for key in ("mesh", "field")}
+        document["made_on"] = {**vars(made_on), **paths}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Put each list of numbers on one line. The pattern needs a line break, which a text in JSON never contains.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
@@ -227,12 +237,12 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _path_for(folder: Path, file: Path | None) -> str | None:
+def _path_for(folder: Path, file: str | None) -> str | None:
     """Return the path of `file` that an edit in `folder` stores: relative if the file is in `folder`, else absolute.
 
     Return None if the path cannot be written in UTF-8, as JSON requires.
     """
-    absolute = file and file.resolve()
+    absolute = file and Path(file).resolve()
     path = absolute and (absolute.relative_to(folder) if absolute.is_relative_to(folder) else absolute).as_posix()
     return path if path and path.encode("utf-8", "replace").decode() == path else None
 

@@ -1,6 +1,6 @@
 """Transfer an edit to another shape of the same class, such as chairs: handles move to the most similar places."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
+from dfd.editing.key_pose import KeyPose
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import HalfSpace, Region, VertexSet, members
 from dfd.field.field import Field
@@ -97,6 +98,7 @@ class EditTransfer:
             fixed=tuple(replace(one, place=place) for one, (place, _) in zip(edit.fixed, fixed, strict=True)),
             symmetry=plane and SymmetryPlane(plane.normal, self.offset(plane), band=self.ratio * plane.band),
             default=edit.default and self.scaled(edit.default, self.point),
+            poses=tuple(self.pose(pose, edit, handles) for pose in edit.poses),
         )
         return Transferred(transferred, similarity, tuple(similar for _, similar in fixed))
 
@@ -125,13 +127,27 @@ class EditTransfer:
             return HalfSpace(region.normal, self.offset(region))
         return self.scaled(region, self.point)
 
+    def beside(self, before: Place, after: Place) -> Callable[[Vector], Vector]:
+        """Return a function that maps a position near `before` to one near `after`, and scales the vector between."""
+
+        def moved(position: Vector) -> Vector:
+            offset = np.subtract(position, before.position)
+            return vector("pivot", np.asarray(after.position) + self.ratio * offset)
+
+        return moved
+
+    def pose(self, pose: KeyPose, edit: Edit, handles: Sequence[Handle]) -> KeyPose:
+        """Return `pose` of `edit` for the transferred `handles`."""
+        moved = {
+            after.id: self.beside(before.place, after.place)
+            for before, after in zip(edit.handles, handles, strict=True)
+        }
+        transforms = {handle: self.scaled(transform, moved[handle]) for handle, transform in pose.transforms.items()}
+        return replace(pose, transforms=transforms)
+
     def handle(self, handle: Handle, place: Place) -> Handle:
-        """Return `handle` at `place` on the other shape. The vector from handle to pivot is scaled to that shape."""
-
-        def moved_pivot(pivot: Vector) -> Vector:
-            offset = np.subtract(pivot, handle.place.position)
-            return vector("pivot", np.asarray(place.position) + self.ratio * offset)
-
+        """Return `handle` at `place` on the other shape."""
+        moved_pivot = self.beside(handle.place, place)
         mask = handle.controls.mask and self.region(handle.controls.mask)
         # Counterparts that do not move are not transferred, because they are places on the first shape.
         controls = replace(self.scaled(handle.controls, moved_pivot), excluded_counterparts=(), mask=mask)

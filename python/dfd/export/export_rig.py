@@ -9,9 +9,10 @@ from typing import Literal
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.deformer import Deformer
+from dfd.editing.key_pose import KeyPose
 from dfd.export.gltf.export_gltf import export_gltf
 from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
-from dfd.export.key_poses import KeyPose, checked_poses
+from dfd.export.key_poses import checked_poses
 from dfd.export.report import RigReport, report_of
 from dfd.export.rig import rig_of
 from dfd.export.skinning import Difference
@@ -32,7 +33,7 @@ def export_rig(
     *,
     form: Form | None = None,
     influences: int | str | None = None,
-    poses: Sequence[KeyPose] = (),
+    poses: Sequence[KeyPose] | None = None,
 ) -> RigReport:
     """Write a session's shape and handles so that other programs can pose them.
 
@@ -56,7 +57,8 @@ def export_rig(
         weights of a vertex are kept and divided by their sum. "all" keeps all weights. Weights after the fourth are
         stored in further vertex attributes, which few programs can read.
     poses
-        Key poses, ordered by time. They become an animation with linear interpolation.
+        Key poses, ordered by time. They become an animation with linear interpolation. By default, they are those of
+        the edit, which the form "baked" leaves out. An empty list writes no animation.
 
     Returns
     -------
@@ -73,7 +75,8 @@ def export_rig(
     check.ending("export_rig", "path", target, ENDINGS)
     form, note = form_for(session.mesh, target, form)
     most = _most(influences)
-    moments = checked_poses("export_rig", poses, session.edit)
+    own = () if form == "baked" else session.edit.poses
+    moments = checked_poses("export_rig", own if poses is None else poses, session.edit)
     if form == "baked" and moments:
         raise ArgumentError("poses", "must be left out for 'baked', which does not move", "export_rig")
     rig = rig_of(session, moments)

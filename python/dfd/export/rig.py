@@ -12,9 +12,10 @@ from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.fill import Band, bands_of
 from dfd.editing.influence.plan import Column
+from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
-from dfd.export.key_poses import KeyPose, posed_edit
+from dfd.export.key_poses import posed_edit
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane

@@ -36,6 +36,7 @@ class Page:
 
     app: RunningApp
     session: str | None = None
+    kept: str = ""  # the key of the kept edit that the page showed before
     heard: list[dict[str, Any]] = field(default_factory=list)
     _count: int = 0
     _open: ExitStack = field(default_factory=ExitStack)
@@ -58,7 +59,7 @@ class Page:
         self._open = ExitStack()
         self._socket = self._open.enter_context(
             connect(
-                f"ws://127.0.0.1:{self.app.port}/ws?session={self.session or ''}",
+                f"ws://127.0.0.1:{self.app.port}/ws?session={self.session or ''}&kept={self.kept}",
                 origin=f"http://127.0.0.1:{self.app.port}",  # type: ignore[arg-type]
                 additional_headers={"Cookie": f"{self.app.rules.cookie}={self.app.rules.token}"},
                 max_size=None,

@@ -128,9 +128,16 @@ def page(tab: Page) -> Page:
 
 
 @pytest.fixture
-def new_page(app: RunningApp) -> Iterator[Page]:
-    """Return a new tab with its own session, whose shape has a field."""
-    own = Page(app)
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a new folder for kept edits."""
+    monkeypatch.setenv("DFD_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def new_page(app: RunningApp, data: Path) -> Iterator[Page]:
+    """Return a new tab with its own session, whose shape has a field and no kept edit."""
+    own = Page(app, session="unknown")
     own.open()
     own.alive()
     yield own

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -50,6 +51,7 @@ def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, 
         "DFD_MESH": str(animal.mesh),
         "DFD_FIELD": str(animal.field),
         "DFD_LARGE": str(large),
+        "DFD_PYTHON": sys.executable,
         "DFD_ALIKE": json.dumps(animal.alike),
         "DFD_OUT": str(tmp_path),
     }

@@ -25,7 +25,7 @@ class Client:
         """Receive all columns, and return the handles."""
         columns, new = self.editing.columns()
         self.weights |= {number: values / 65535 for number, values in new.items()}
-        handles = self.editing.state(columns, field=NO_FIELD, poses=(), after=0).model_dump()["handles"]
+        handles = self.editing.state(columns, field=NO_FIELD, after=0).model_dump()["handles"]
         used = {column["column"] for handle in handles for column in handle["columns"]}
         self.weights = {number: self.weights[number] for number in used}
         return list(handles)

@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from app_page import Page, Shape
 
-from dfd.app.options import OpenedFile, SessionOptions
+import dfd
+from dfd.app.options import SAMPLES, OpenedFile, SessionOptions, read_shape
 from dfd.app.session import preparation
 from dfd.app.web.launch import RunningApp
+from dfd.common.course import STAGES, Course
+from dfd.distillation.distill_apart import distill_apart
+from dfd.distillation.settings import DistillSettings
 from dfd.field.field import Field
+
+
+def learned(page: Page) -> dict[str, Any]:
+    """Wait until the shape has a field with features, and return that state."""
+    known = ("distilled", "cache")
+    return page.until(lambda message: message["type"] == "state" and message["field"]["origin"] in known)
 
 
 @pytest.fixture
 def bare(shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningApp]:
     """Return a server without a field for its mesh, and with an empty cache."""
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("DFD_DATA", str(tmp_path / "data"))
     source = OpenedFile(name="chair.glb", path=shape.mesh)
     running = RunningApp(SessionOptions(mesh=source, encoder=str(shape.encoder), distill=shape.settings), static=static)
     running.start()
@@ -48,20 +61,30 @@ def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
     page = Page(bare)
     page.open()
     state = page.alive()
-    assert state["field"]["origin"] == "distilled"
+    assert state["field"]["origin"] == "geometry", "parts can be grabbed before the features are learned"
+    handle = page.hold(5, translation=[0, -0.3, 0])
+    state = learned(page)
+    assert [(each["handle"], each["translation"]) for each in state["handles"]] == [(handle, [0, -0.3, 0])]
+    assert state["can_undo"], "the edit and its history continue with the features"
     kinds = [message["type"] for message in page.heard]
     assert kinds.index("mesh") < kinds.index("progress", kinds.index("mesh"))
     told = [message for message in page.heard if message["type"] == "progress" and message["task"] == "distill"]
     stages = list(dict.fromkeys(message["stage"] for message in told))
-    assert stages == [stage for stage in ("read", "load", "render", "encode", "fit") if stage in stages]
+    assert stages[1:] == [stage for stage in STAGES if stage in stages[1:]], (
+        "first “Starting to learn”, then each in order"
+    )
     assert {"render", "encode", "fit"} <= set(stages)
-    assert any(message["total"] and message["done"] == message["total"] for message in told)
-    assert all(message["seconds_left"] is None or message["seconds_left"] >= 0 for message in told)
-    assert page.ask("add", at=5)["type"] == "done"
+    page.until(lambda message: message["type"] == "progress" and message["stage"] == "done")
+    steps = [message for message in page.heard if message["type"] == "progress" and message["share"] is not None]
+    left, shares = ([message[key] for message in steps] for key in ("seconds_left", "share"))
+    assert left == sorted(left, reverse=True), "the time left only shrinks, in one bar for all tasks"
+    assert shares == sorted(shares)
+    assert {"Looking at the pictures", "Finding parts"} <= {message["text"] for message in steps}
+    assert page.ask("add", at=40)["type"] == "done"
 
     other = Page(bare)
     other.open()
-    assert other.alive()["field"]["origin"] == "cache"
+    assert learned(other)["field"]["origin"] == "cache"
     assert all(message["type"] != "progress" or message["task"] != "distill" for message in other.heard)
     page.close()
     other.close()
@@ -77,12 +100,11 @@ def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Pat
         page = Page(running)
         page.open()
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "fit")
-        assert page.ask("add", at=5)["type"] == "failure"
+        assert page.ask("distill")["type"] == "failure", "one distillation at a time"
         page.say("cancel")
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "cancelled")
-        assert page.until(lambda message: message["type"] == "state")["field"]["status"] == "none"
+        assert page.until(lambda message: message["type"] == "state")["field"]["origin"] in (None, "geometry")
         page.say("distill")
-        assert page.until(lambda message: message["type"] == "state")["field"]["status"] == "distilling"
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "fit")
         page.close()
     finally:
@@ -99,16 +121,17 @@ def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_pa
         page.open()
         failure = page.until(lambda message: message["type"] == "failure")
         assert "nothing" in failure["message"]
-        assert page.ask("add", at=5)["type"] == "failure"
+        page.until(lambda message: message["type"] == "state" and message["field"]["origin"] == "geometry")
+        assert page.ask("add", at=5)["type"] == "done", "parts of the geometry need no encoder"
         page.close()
     finally:
         running.stop()
 
 
 def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
-    source, path = OpenedFile(name="c", path=shape.mesh), tmp_path / "field"
+    read, path = partial(dfd.load, shape.mesh), tmp_path / "field"
     with pytest.raises(ValueError, match="ended before it was done"):
-        preparation.distill_apart(source, {}, path, lambda *_: None, lambda process: process.kill())
+        distill_apart(read, {}, path, lambda *_: None, lambda process: process.kill())
 
 
 @pytest.mark.processes
@@ -122,5 +145,50 @@ def test_one_distillation_at_a_time(bare: RunningApp) -> None:
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "cancelled")
         page.say("distill")
         page.until(lambda message: message["type"] == "progress" and message["stage"] == "wait")
-    assert page.alive()["field"]["origin"] == "distilled"
+    assert learned(page)["field"]["origin"] == "distilled"
     page.close()
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_samples_ship_with_the_fields_of_todays_settings(name: str) -> None:
+    path = SessionOptions().shipped_field(name)
+    assert path is not None, "python -m bench.training.sample_fields makes it"
+    mesh, _ = read_shape(name)
+    field = dfd.Field.load(path, mesh=mesh)
+    settings = DistillSettings().as_dict()
+    assert not {key for key, value in settings.items() if value is not None and field.settings.get(key) != value}
+    assert path.stat().st_size < 500_000
+
+
+def test_other_settings_do_not_use_the_shipped_field(shape: Shape) -> None:
+    assert SessionOptions(preset="paper").shipped_field("chair") is None
+    assert SessionOptions(encoder=str(shape.encoder)).shipped_field("chair") is None
+    assert SessionOptions(distill={"views": 4}).shipped_field("chair") is None
+    assert SessionOptions().shipped_field(OpenedFile("chair", shape.mesh)) is None
+
+
+def test_a_sample_needs_no_distillation(static: Path, data: Path) -> None:
+    running = RunningApp(SessionOptions(mesh="robot"), static=static)
+    running.start()
+    page = Page(running)
+    page.open()
+    assert page.alive()["field"]["origin"] == "sample"
+    assert not any(message["type"] == "progress" and message["task"] == "distill" for message in page.heard)
+    assert page.ask("probe", vertex=5)["type"] == "heat"
+    page.close()
+    running.stop()
+
+
+def test_the_time_left_never_grows(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    course, before, shares = Course(1_000_000), 1e9, []
+    for stage in STAGES:
+        for done in range(4):
+            now[0] += 7.0  # much slower than usual
+            share, left = course.at(stage, done, 3 if stage == "encode" else None)
+            assert 0.0 <= left <= before
+            before = left
+            shares.append(share)
+    assert shares == sorted(shares)
+    assert shares[-1] <= 1.0

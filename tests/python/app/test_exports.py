@@ -10,19 +10,16 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.app.protocol.messages import KeyPose, PoseTransform
-from dfd.app.session.exports import Kind, export, file_stem
+from dfd.app.session.exports import Kind, export
+from dfd.common.files import file_stem
 from dfd.editing.deformer import Deformer
+from dfd.posing.transforms import Transform
 
 
 def header_of(path: Path) -> Any:
     """Return the JSON of a GLB file."""
     data = path.read_bytes()
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-
-
-def raised(handle: int, y: float) -> PoseTransform:
-    return PoseTransform(handle=handle, translation=(0, y, 0), rotation=(0, 0, 0), scale=(1, 1, 1))
 
 
 @pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
@@ -60,14 +57,13 @@ def test_rigs_targets_weights_edit_and_field(deformer: Deformer, tmp_path: Path)
 def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> None:
     handle = deformer.add(5)
     deformer.add(40, translation=(0.1, 0, 0))
-    poses = [
-        KeyPose(name="a", seconds=0, transforms=(raised(handle, 0.0), raised(99, 9.0))),
-        KeyPose(name="b", seconds=2, transforms=(raised(handle, 0.5),)),
-    ]
-    path, _ = export(deformer, "animation", "chair.glb", tmp_path, tuple(poses))
+    poses = [dfd.KeyPose(0, {}, "a"), dfd.KeyPose(2, {handle: Transform((0, 0.5, 0))}, "b")]
+    deformer.set_poses(poses)
+    path, _ = export(deformer, "animation", "chair.glb", tmp_path)
     header = header_of(path)
     inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
     assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
     for wrong, message in ((poses[:1], "^Store at least two poses"), ([poses[0]] * 2, "one after the other in time")):
+        deformer.set_poses(wrong)
         with pytest.raises(ValueError, match=message):
-            export(deformer, "animation", "chair.glb", tmp_path, tuple(wrong))
+            export(deformer, "animation", "chair.glb", tmp_path)

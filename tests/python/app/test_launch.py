@@ -164,3 +164,28 @@ def test_other_machines_are_let_in_with_a_warning(
     assert (code, served) == (0, ["0.0.0.0"])
     assert "other machines can connect" in said
     assert run(["--no-browser"], capsys) == (0, "")
+
+
+def test_the_address_stays_the_same_for_this_user_only(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = launch.kept_token()
+    path = data / "token"
+    assert launch.kept_token() == first == path.read_text()
+    assert len(first) == 32
+    if os.name == "posix":
+        assert path.stat().st_mode & 0o077 == 0
+        path.chmod(0o644)
+        assert launch.kept_token() != first, "others may have read the file"
+        path.chmod(0o600)
+    path.write_text("short")
+    assert launch.kept_token() not in ("short", first)
+    monkeypatch.setenv("DFD_DATA", str(path))  # a file in place of the folder
+    assert launch.kept_token() != launch.kept_token()
+
+
+def test_servers_for_other_machines_and_notebooks_have_new_tokens(data: Path, static: Path) -> None:
+    kept = launch.kept_token()
+    for how in ({"host": "0.0.0.0"}, {"frame_ancestors": ("http://localhost:*",)}, {}):
+        app = RunningApp(SessionOptions(), static=static, **how)  # type: ignore[arg-type]
+        assert (app.rules.token == kept) == (not how)
+        app._socket.close()
+        app._root.cleanup()

@@ -15,6 +15,7 @@ from dfd.app.session.parts import ShapeParts
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field
 
+UNBENT = {"bend": [0, 0, 0], "twist": 0, "joint": None}
 REST = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
 
 
@@ -248,10 +249,15 @@ def test_features_suggestions_and_poses(page: Page) -> None:
     pose = {
         "name": "one",
         "seconds": 1.5,
-        "transforms": [{"handle": 1, "translation": [0, 1, 0], **REST, "bend": [0, 0, 0], "twist": 0, "joint": None}],
+        "transforms": [{"handle": page.hold(5), "translation": [0, 1, 0], **REST, "pivot_at": None, **UNBENT}],
     }
     page.ask("set_poses", poses=[pose])
     assert page.last("state")["poses"] == [pose]
+    page.ask("undo")
+    assert page.last("state")["poses"] == []
+    page.ask("redo")
+    page.ask("remove", handle=pose["transforms"][0]["handle"])
+    assert page.last("state")["poses"] == [{**pose, "transforms": []}]
 
 
 def test_an_export_is_given_once(page: Page, deformer: Deformer, tmp_path: Path) -> None:

@@ -43,10 +43,14 @@ def test_a_preset_takes_the_place_of_what_the_edit_says(run, folder, chair):
 @pytest.mark.usefixtures("edited")
 def test_forms_influences_and_poses(run, tmp_path):
     pose = {"seconds": 1, "transforms": [{"handle": 1, "rotation": [0, 90, 0]}]}
-    (tmp_path / "poses.json").write_text(json.dumps([{"seconds": 0, "transforms": []}, pose]))
+    edit = json.loads((tmp_path / "edit.json").read_text())
+    (tmp_path / "poses.json").write_text(json.dumps(edit | {"poses": [{"seconds": 0, "transforms": []}, pose]}))
     result = run(*EXPORT, "-o", "morph.glb", "--as", "morph", "--poses", "poses.json")
     assert worked(result)
     assert "3 morph targets" in result.stderr
+    own = [*EXPORT[:-1], "poses.json"]
+    assert "3 morph targets" in run(*own, "-o", "own.glb", "--as", "morph").stderr
+    assert worked(run(*own, "-o", "still.obj", "--as", "baked")), "a shape that does not move leaves the poses out"
     assert worked(run(*EXPORT, "-o", "moved.off", "--as", "baked"))
     result = run(*EXPORT, "-o", "rig.glb", "--influences", "1")
     assert worked(result)
@@ -75,6 +79,7 @@ def test_a_folder_keeps_the_name_and_messages_name_the_options(run, folder):
     Path("out").mkdir()
     assert worked(run(*EXPORT, "-o", "out"))
     assert dfd.load("out/chair.glb").faces.shape == dfd.load(folder / "chair.obj").faces.shape
-    Path("poses.json").write_text('[{"seconds": 1, "transforms": []}]')
+    edit = json.loads(Path("edit.json").read_text())
+    Path("poses.json").write_text(json.dumps(edit | {"poses": [{"seconds": 1, "transforms": []}]}))
     baked = run(*EXPORT, "-o", "moved.obj", "--as", "baked", "--poses", "poses.json")
     assert failed(baked, "dfd: `--poses` must be left out for 'baked', which does not move")

@@ -7,6 +7,7 @@ from made_field import field_of, made_field
 import dfd
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import transfer
+from dfd.posing.transforms import Transform
 
 
 class Known:
@@ -51,6 +52,7 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     session.fix(600, strength=0.5)
     session.symmetry = "x"
     session.set_default(translation=(0.1, 0, 0))
+    session.set_poses([dfd.KeyPose(1, {1: Transform((0, 0.1, 0), pivot=(0.1, 0, 0))}, "up")])
     found = transfer(session.edit, mesh, fields[0], other, fields[1])
     first, second = found.edit.handles
     assert first.place.vertex == number[5]
@@ -58,6 +60,9 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     assert found.edit.fixed[0].vertex == number[600]
     assert found.edit.fixed[0].strength == 0.5
     np.testing.assert_allclose(first.transform.translation, (0, 0.6, 0))
+    (pose,) = found.edit.poses
+    np.testing.assert_allclose(pose.transforms[1].translation, (0, 0.3, 0))
+    np.testing.assert_allclose(pose.transforms[1].pivot, first.transform.pivot)
     assert first.transform.rotation == (0, 30, 0)
     np.testing.assert_allclose(first.transform.pivot, (5.3, 0, 0), atol=1e-6)
     assert first.controls.radius == pytest.approx(0.9)

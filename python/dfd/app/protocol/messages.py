@@ -1,6 +1,7 @@
 """The messages that the server sends, and the types of fields in these messages and in the requests of the page."""
 
 from collections.abc import Callable
+from dataclasses import fields as dataclass_fields
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -13,6 +14,7 @@ from dfd.common.preset import Preset
 from dfd.editing import controls
 from dfd.editing.edit import Edit
 from dfd.mesh.appearance import Wrap
+from dfd.posing import transforms
 from dfd.posing.transforms import Frame, PivotAt, Vector
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -49,13 +51,31 @@ SHOWN: dict[str, Any] = {
 }
 
 
-def with_controls(kinds: dict[str, Any], *, optional: bool) -> Callable[[type[Model]], type[Model]]:
-    """Return a decorator that adds a field for each control. `kinds` replaces field types; `optional` allows None."""
-    types = {name: kind for name, (kind, _) in about(controls.Controls).items()} | kinds
-    fields: Any = {name: (kind | None, None) if optional else (kind, ...) for name, kind in types.items()}
+# Values of a handle's transform whose types differ in requests.
+MOVED: dict[str, Any] = {
+    "pivot": Vector | PivotAt | Literal["auto"],
+    "axes": Frame | Literal["normal", "auto"],
+    "bend": Vector | float,
+    "joint": Annotated[float, Field(ge=0, le=1)] | Literal["spread", "auto", "here"],
+}
+REST = {each.name: each.default for each in dataclass_fields(transforms.Transform) if each.init}
+
+
+def with_fields(
+    source: type, defaults: dict[str, Any], kinds: dict[str, Any] | None = None
+) -> Callable[[type[Model]], type[Model]]:
+    """Return a decorator that adds those fields of the dataclass `source` that have a default in `defaults`.
+
+    `kinds` replaces types of fields. A field with the default None accepts None.
+    """
+    types = {name: kind for name, (kind, _) in about(source).items()} | (kinds or {})
+    fields: Any = {
+        name: (types[name] if value is not None else types[name] | None, value) for name, value in defaults.items()
+    }
     return lambda owner: create_model(owner.__name__, __base__=owner, __doc__=owner.__doc__, **fields)
 
 
+@with_fields(transforms.Transform, {name: None for name in REST if name != "pivot_at"}, MOVED)
 class Transform(Model):
     """New values of a handle's transform: it scales along `axes` and rotates, both about the pivot, then translates.
 
@@ -65,35 +85,29 @@ class Transform(Model):
     `joint` of the part (0 is the base, 1 the tip). `bend` is a rotation vector, or the angle by which the tip turns up.
     """
 
-    translation: Vector | None = None
-    rotation: Vector | None = None
-    scale: Vector | None = None
-    pivot: Vector | PivotAt | Literal["auto"] | None = None
-    axes: Frame | Literal["normal", "auto"] | None = None
-    bend: Vector | float | None = None
-    twist: float | None = None
-    joint: Annotated[float, Field(ge=0, le=1)] | Literal["spread", "auto", "here"] | None = None
 
-
-@with_controls(GIVEN, optional=True)
+@with_fields(controls.Controls, dict.fromkeys(controls.CONTROLS), GIVEN)
 class Controls(Model):
     """New values of a handle's name and controls. A null keeps the present value."""
 
     name: Text | None = None
 
 
+@with_fields(transforms.Transform, REST)
 class PoseTransform(Model):
-    """The complete transform of a handle, with fields as in `Transform`."""
+    """The complete transform of a handle, with fields as in `Transform`. Fields that are left out are at rest."""
 
     handle: Index
-    translation: Vector
-    rotation: Vector
-    scale: Vector
-    pivot: Vector | None = None
-    axes: Frame | None = None
-    bend: Vector = (0.0, 0.0, 0.0)
-    twist: float = 0.0
-    joint: float | None = None
+
+    @classmethod
+    def of(cls, handle: int, transform: transforms.Transform) -> Any:
+        """Return the message for the transform of a handle."""
+        return cls(handle=handle, **{name: getattr(transform, name) for name in REST})
+
+    @property
+    def motion(self) -> transforms.Transform:
+        """Return the transform; raise ValueError if it is not valid."""
+        return transforms.Transform(**{name: getattr(self, name) for name in REST})
 
 
 PoseTransforms = Annotated[tuple[PoseTransform, ...], Field(max_length=1000)]
@@ -153,10 +167,29 @@ class SessionMessage(Answer):
     controls: tuple[ControlEntry, ...] = control_entries()
 
 
+class RecentShape(Model):
+    """A shape whose edit is kept, for `open_recent`."""
+
+    key: str
+    name: str
+    handles: int
+    seconds: float  # time of the last change, since 1970
+    present: bool  # whether the mesh is still there; if not, the user must open the file again
+
+
 class StartMessage(Answer):
     """No mesh is open, so the page shows its start page."""
 
     type: Literal["start"] = "start"
+    recent: tuple[RecentShape, ...]
+
+
+class SavedMessage(Answer):
+    """Whether the newest edit is stored on the server's disk."""
+
+    type: Literal["saved"] = "saved"
+    saved: bool
+    key: str  # the key of the kept edit; a page that reconnects to a new server opens this edit
 
 
 class ColumnState(Model):
@@ -167,7 +200,7 @@ class ColumnState(Model):
     position: Vector  # resting position of the handle or the counterpart
 
 
-@with_controls(SHOWN, optional=False)
+@with_fields(controls.Controls, dict.fromkeys(controls.CONTROLS, ...), SHOWN)
 class HandleState(PoseTransform):
     """The present state of a handle."""
 
@@ -176,7 +209,6 @@ class HandleState(PoseTransform):
     position: Vector  # resting position of the handle
     pivot: Vector  # center of rotation and scale
     pivot_set: bool  # whether the transform has a pivot; if not, `pivot` is `position`
-    pivot_at: PivotAt | None  # name of the pivot; null if the pivot has no name
     origin: int  # the vertex from which the steps of `ladder` are found
     reach_by: Literal["number", "part"]  # "part" if the reach is "part"; `reach` is a number in both cases
     mask_part: bool  # whether the mask is the handle's part
@@ -198,7 +230,7 @@ class FieldState(Model):
     """The status and the origin of the shape's field."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
-    origin: str | None  # "file", "cache" or "distilled"; null without a field
+    origin: str | None  # "file", "cache", "sample", "distilled", or "geometry" before features are learned
     parts: tuple[PartChange, ...] = ()  # the ways to change a handle's region that are available now
 
 
@@ -235,14 +267,14 @@ class FailureMessage(Answer):
 
 
 class ProgressMessage(Answer):
-    """The progress of background work."""
+    """The progress of background work. One estimate holds for all tasks until handles can be added."""
 
     type: Literal["progress"] = "progress"
     task: Literal["open", "distill", "prepare"]
     stage: str  # the last stage of a task is "done", "cancelled" or "failed"
-    done: int
-    total: int | None
-    seconds_left: float | None  # estimate for the whole task; null if unknown
+    text: str  # the stage for the user
+    share: float | None  # share of the time that has passed; null if unknown
+    seconds_left: float | None  # never grows; null if unknown
 
 
 class ReportMessage(Answer):

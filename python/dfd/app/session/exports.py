@@ -1,17 +1,14 @@
 """Write the files that the user downloads: the posed mesh, rigs, weights, the edit and the field."""
 
-import re
 import zipfile
 from pathlib import Path
 from typing import Literal
 
-from dfd.app.protocol import messages
+from dfd.common.files import file_stem
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import write_edit
 from dfd.export.export_rig import export_rig
 from dfd.export.export_weights import export_weights
-from dfd.export.key_poses import KeyPose
-from dfd.posing.transforms import Transform
 
 Kind = Literal["glb", "obj", "ply", "stl", "rig", "morph", "weights", "animation", "edit", "field"]
 ENDINGS = {  # endings of file names by kind; all other kinds are posed meshes, with endings such as "_edited.glb"
@@ -22,13 +19,12 @@ ENDINGS = {  # endings of file names by kind; all other kinds are posed meshes, 
     "edit": "_edit.json",
     "field": ".field.safetensors",
 }
-LONGEST_STEM = 80  # characters
 
 
-def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messages.KeyPoses = ()) -> tuple[Path, str]:
+def export(deformer: Deformer, kind: Kind, name: str, folder: Path) -> tuple[Path, str]:
     """Write a file of the format `kind` into `folder`. Return its path and a report, empty for most formats.
 
-    `name` is the name of the shape, and `poses` are the key poses of the timeline.
+    `name` is the name of the shape.
 
     Raises ValueError if an animation has fewer than two poses or poses at equal times, or if a rig has no handle.
     Raises OSError if the file cannot be written.
@@ -39,9 +35,9 @@ def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messa
     elif kind == "field":
         deformer.field.save(path)
     elif kind == "animation":
-        report = _animation(deformer, path, poses)
+        report = _animation(deformer, path)
     elif kind in ("rig", "morph"):
-        report = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
+        report = str(export_rig(deformer, path, form="morph" if kind == "morph" else None, poses=()))
     elif kind == "weights":
         export_weights(deformer, path)
     else:
@@ -49,28 +45,17 @@ def export(deformer: Deformer, kind: Kind, name: str, folder: Path, poses: messa
     return path, report
 
 
-def file_stem(name: str) -> str:
-    """Return the name of a file without its ending; "_" replaces characters that a file system may reject."""
-    stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
-    return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
-
-
-def _animation(deformer: Deformer, path: Path, poses: messages.KeyPoses) -> str:
+def _animation(deformer: Deformer, path: Path) -> str:
     """Write an animated skin. If a part bends or a skin is impossible, write morph targets. Return the report."""
+    poses = deformer.edit.poses
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
-    existing = {handle.id for handle in deformer.handles}
-    key_poses = []
-    for pose in poses:
-        given = [each for each in pose.transforms if each.handle in existing]
-        transforms = {each.handle: Transform(**each.model_dump(exclude={"handle"})) for each in given}
-        key_poses.append(KeyPose(pose.seconds, transforms, pose.name))
-    bends = any(each.bends for pose in key_poses for each in pose.transforms.values())
+    bends = any(each.bends for pose in poses for each in pose.transforms.values())
     try:
-        return str(export_rig(deformer, path, form="morph" if bends else "skin", poses=key_poses))
+        return str(export_rig(deformer, path, form="morph" if bends else "skin"))
     except ValueError as skin_error:
         try:
-            return str(export_rig(deformer, path, form="morph", poses=key_poses))
+            return str(export_rig(deformer, path, form="morph"))
         except ValueError:
             raise skin_error from None
 

@@ -301,8 +301,8 @@ def go(session: Session, step: int) -> None:
 
 @request
 def clear(session: Session) -> None:
-    """Remove all handles, fixed points and fixed regions, as one step of undo. The plane of symmetry stays."""
-    session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=())))
+    """Remove all handles, fixed places and key poses, as one step of undo. The plane of symmetry stays."""
+    session.change(lambda deformer: deformer.apply(replace(deformer.edit, handles=(), fixed=(), poses=())))
 
 
 @request
@@ -321,7 +321,7 @@ def export(
     folder.mkdir()
     try:
         with _tried(deformer, transforms):
-            path, said = exports.export(deformer, format, session.name, folder, session.poses)
+            path, said = exports.export(deformer, format, session.name, folder)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -345,7 +345,8 @@ def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iter
 def _move_all(deformer: Any, transforms: PoseTransforms) -> None:
     at_rest = {"pivot": "point", "axes": "auto", "joint": "spread"}
     for each in transforms:
-        deformer.move(**{name: at_rest[name] if part is None else part for name, part in each})
+        given = {name: at_rest[name] if part is None else part for name, part in each if name != "pivot_at"}
+        deformer.move(**given)
 
 
 def _decoded(session: Session, value: Any) -> Any:

@@ -1,26 +1,31 @@
 """The state of one tab: its shape, field, edit and messages. This module does not depend on the web server."""
 
 import logging
+import os
 import re
 import shutil
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.app.options import OpenedFile, Opening, SessionOptions, Source, read_shape
+from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing
 from dfd.app.session.surface import mesh_message
+from dfd.common.course import ENDS, STAGES
 from dfd.common.devices import out_of_memory
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, band_on
-from dfd.editing.edit_file import read_edit
+from dfd.editing.edit_file import MadeOn, read_edit
+from dfd.editing.kept_edits import KeptEdit, find_recent, recent_edits
+from dfd.editing.key_pose import KeyPose
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -29,6 +34,8 @@ STATUS = {"distill": "distilling", "prepare": "preparing"}  # the status of the 
 FUNCTION = re.compile(r"^\w+(\.\w+)?: ")  # error messages of the package start with the name of the function: `bind: …`
 # Advice in error messages that is only for Python, and its replacement on the page.
 REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd deform --made-on`"}
+MOST_RECENT = 8  # number of shapes in the list of recent shapes
+COPY = "This shape is open in another tab. This tab edits a copy."
 
 log = logging.getLogger("dfd.app")
 
@@ -55,26 +62,31 @@ class Session:
         self._uploads: list[Path] = []  # folders of the open shape's uploads
         self.exports: dict[str, Path] = {}  # files to download, by the random name in their URLs
         self._pending_edit: Path | None = None  # an edit file that is applied when the field is ready
+        self._kept: KeptEdit | None = None  # the file that keeps the edit; None without a shape, and in a notebook
         self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
         self.field = NO_FIELD
-        self.poses: messages.KeyPoses = ()
         self.editing: Editing | None = None  # None without a field
         if (deformer := options.deformer) is not None:
             self.mesh, self.editing = deformer.mesh, Editing(deformer)
             self.name = deformer.mesh.source.name if deformer.mesh.source else "mesh"
             self.field = messages.FieldState(status="ready", origin="file", parts=self.editing.parts.ways)
 
-    def begin(self) -> None:
-        """Open the files in the options. Called when the first page connects."""
+    def begin(self, key: str = "") -> None:
+        """Open the files in the options; without any, the kept edit `key`. Called when the first page connects."""
         try:
-            self.open(self.options)
+            if key and self.options.mesh is None and self.mesh is None:
+                self.open_recent(key)
+            else:
+                self.open(self.options)
         finally:
             if self._preparation is None:
                 self.attach()
 
-    def open(self, given: Opening) -> None:
+    def open(self, given: Opening, key: str | None = None) -> None:
         """Open the files in `given`. Without a mesh, the field and the edit belong to the mesh that is already open.
+
+        With `key`, continue this kept edit.
 
         Raises ValueError or OSError if a file cannot be read; the open shape then stays open.
         """
@@ -83,10 +95,12 @@ class Session:
                 self._names[str(file.path)] = file.name
         try:
             if given.mesh is not None:
-                self._open_mesh(given.mesh, find_field=given.field is None)
+                self._open_mesh(given, key)
             if given.field is not None:
                 if self._preparation is None:
                     raise ValueError("Open a mesh before its field")
+                if self._kept is not None:
+                    self._kept.made_on = replace(self._kept.made_on, field=str(given.field.path))
                 self._preparation.cancel()
                 self._tell_field("preparing")
                 self._preparation.start("prepare", self._preparation.open, given.field.path, "file")
@@ -99,8 +113,10 @@ class Session:
         if given.folder is not None:
             self._uploads.append(given.folder)
 
-    def _open_mesh(self, source: Source, *, find_field: bool) -> None:
-        """Replace the open shape. With `find_field`, the new shape's field is found or distilled."""
+    def _open_mesh(self, given: Opening, key: str | None) -> None:
+        """Replace the open shape, and claim its kept edit. Without a given field, find or distill the shape's field."""
+        source = given.mesh
+        assert source is not None
         name = source.capitalize() if isinstance(source, str) else source.name
         self.tell_progress("open", "read")
         try:
@@ -109,10 +125,14 @@ class Session:
         finally:
             self.tell_progress("open", "done")
         self.close_shape()
+        self._claim(mesh, source, key)
+        if self._kept is not None and self._kept.is_copy:
+            warnings = [COPY, *warnings]
+            message = message.model_copy(update={"warnings": tuple(warnings)})
         self.name, self.mesh, self._warnings = name, mesh, warnings
         self.send(message, **arrays)
         self._preparation = Preparation(self, mesh, source)
-        if find_field:
+        if given.field is None:
             self._tell_field("preparing")
             self._preparation.start("prepare", self._preparation.find)
 
@@ -124,15 +144,51 @@ class Session:
             self._pending_edit = path
             return
         read = read_edit(path, self.mesh)
+        self.save()
+        if self._kept is not None and self.deformer.handles and read != self.deformer.edit:
+            self._kept.set_aside()
         self.change(lambda deformer: deformer.apply(read))
 
+    def _claim(self, mesh: Mesh, source: Source, key: str | None) -> None:
+        """Lock the kept edit of `mesh`. If the data folder cannot be used, say so, and keep nothing."""
+        made_on = MadeOn(name=source) if isinstance(source, str) else MadeOn(str(source.path), name=source.name)
+        try:
+            self._kept = KeptEdit(mesh, made_on, uploads=self.folder, key=key)
+        except OSError as error:
+            self.fail(0, OSError(f"Your edit cannot be stored: {os.strerror(error.errno or 0)}"))
+
+    def save(self) -> None:
+        """Store the edit if it has changed since it was stored last, and tell the page."""
+        if self._kept is not None and self.editing is not None and self._kept.save(self.deformer.edit):
+            self.send(messages.SavedMessage(saved=True, key=self._kept.key))
+
+    def detach(self) -> None:
+        """Store the edit, and unlock it for other sessions, because the page has disconnected."""
+        try:
+            self.save()
+        finally:
+            if self._kept is not None:
+                self._kept.release()
+
+    def _resume(self) -> None:
+        """Lock the kept edit again after `detach`. If another session has changed it meanwhile, take its edit over."""
+        if self._kept is None:
+            return
+        found = self._kept.resume()
+        if found is not None and self.editing is not None:
+            self.deformer.apply(found)
+            self._kept.begin(self.deformer.edit)
+        if self._kept.is_copy and COPY not in self._warnings:
+            self._warnings = [COPY, *self._warnings]
+
     def close_shape(self) -> None:
-        """Stop background work, and close the shape with its field, its edit, its key poses and its files."""
+        """Store the edit, stop background work, and close the shape with its field, its edit and its files."""
         if self._preparation is not None:
             self._preparation.drop()
-        self._preparation = self._progress = self._pending_edit = None
+        self.guarded(0, self.detach)
+        self._preparation = self._progress = self._pending_edit = self._kept = None
         self.mesh = self.editing = None
-        self.field, self.poses = NO_FIELD, ()
+        self.field = NO_FIELD
         while self._uploads:
             shutil.rmtree(self._uploads.pop(), ignore_errors=True)
 
@@ -142,17 +198,39 @@ class Session:
         self.open(Opening(mesh=name))
 
     @request
+    def open_recent(self, key: messages.Text) -> None:
+        """Open a shape of the list in the message `start`, and continue its edit."""
+        found = find_recent(key)
+        sample = found.name if found.name in SAMPLES else None
+        mesh = sample if found.mesh is None else OpenedFile(found.name, found.mesh)
+        if mesh is None:
+            raise ValueError(f"The file of {found.name} is gone. Open the mesh again: its edit is kept")
+        field = None if found.field is None else OpenedFile(found.field.name, found.field)
+        self.open(Opening(mesh, field), key)
+
+    @request
     def close_mesh(self) -> None:
-        """Close the shape and show the start page; the edit is lost."""
+        """Close the shape and show the start page. The edit is kept."""
         self.close_shape()
-        self.send(messages.StartMessage())
+        self._tell_start()
+
+    def _tell_start(self) -> None:
+        """Tell the page that no shape is open, and which shapes were edited last."""
+        recent = [
+            messages.RecentShape(
+                **{name: getattr(each, name) for name in ("key", "name", "handles", "seconds")},
+                present=each.mesh is not None or each.name in SAMPLES,
+            )
+            for each in recent_edits(MOST_RECENT)
+        ]
+        self.send(messages.StartMessage(recent=tuple(recent)))
 
     @request
     def distill(self) -> None:
         """Distill the shape's field in the background. The server sends `progress`, then `columns` and `state`."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
-        if self.field.status != "none":
+        if self.field.status != "none" and (self.field.origin != "geometry" or self._progress is not None):
             raise ValueError("The shape has a field, or one is being made")
         self._tell_field("distilling")
         self._preparation.start("distill", self._preparation.distill)
@@ -164,27 +242,55 @@ class Session:
             self._preparation.cancel()
 
     def tell_progress(
-        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
+        self, task: Any, stage: str, share: float | None = None, seconds_left: float | None = None
     ) -> None:
         """Send the progress of a task. The last stage of a task is "done", "cancelled" or "failed"."""
-        ended, status = stage in ("done", "cancelled", "failed"), STATUS.get(task, self.field.status)
-        if not ended and self.field.status != status:
+        ended, status = stage in ENDS, STATUS.get(task, self.field.status)
+        if not ended and self.editing is None and self.field.status != status:
             self._tell_field(status)
-        message = messages.ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
+        text = ENDS[stage] if ended else STAGES[stage][0]
+        message = messages.ProgressMessage(task=task, stage=stage, text=text, share=share, seconds_left=seconds_left)
         self._progress = None if ended else message
         self.send(message)
 
     def field_ready(self, deformer: Deformer, origin: str, warnings: list[Warning]) -> None:
         """Start editing, because the field is ready."""
-        self.editing = Editing(deformer)
-        self.field = messages.FieldState(status="ready", origin=origin)
-        self.tell_progress("prepare", "done")
+        self._edit_with(deformer, origin)
         for warning in warnings:
             self.fail(0, warning)
+
+    def begin_early(self, deformer: Deformer) -> None:
+        """Start editing with a session that knows only the geometry, unless the features are learned."""
+        if self.editing is None:
+            self._edit_with(deformer, "geometry")
+            self.require().parts.ready = True
+            self.field = self.field.model_copy(update={"parts": self.require().parts.ways})
+            self.tell_state()
+
+    def _edit_with(self, deformer: Deformer, origin: str) -> None:
+        """Edit with `deformer`. It continues the edit and the history of the present session, or the kept edit."""
+        before, self.editing = self.editing, Editing(deformer)
+        self.field = messages.FieldState(status="ready", origin=origin)
+        if before is None:
+            self.guarded(0, self._restore)
+        else:
+            deformer.continue_from(before.deformer)
         pending_edit, self._pending_edit = self._pending_edit, None
         self.tell_state()
         if pending_edit is not None:
             self.guarded(0, lambda: self._open_edit(pending_edit))
+
+    def _restore(self) -> None:
+        """Start with the kept edit, if there is one; undo cannot go behind it."""
+        found = None if self._kept is None else self._kept.read()
+        self._begin_with(found or self.deformer.edit)
+
+    def _begin_with(self, edit: Edit) -> None:
+        """Make `edit` the first state, which needs not be stored."""
+        self.deformer.start_with(edit)
+        self.require().history.begin()
+        if self._kept is not None:
+            self._kept.begin(edit)
 
     def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
         """Store the planes of symmetry of each preset. Switch on the best plane unless the shape has been edited."""
@@ -192,9 +298,14 @@ class Session:
         deformer, parts = editing.deformer, editing.parts
         editing.planes, parts.ready = planes, True
         self.field = self.field.model_copy(update={"parts": parts.ways})
-        if (found := planes.get(deformer.preset)) and deformer.edit == Edit(preset=deformer.preset):
+        self.tell_progress("prepare", "done")
+        if (
+            (found := planes.get(deformer.preset))
+            and deformer.edit == Edit(preset=deformer.preset)
+            and not deformer.can_undo
+        ):
             deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
-            editing.history.begin()
+            self._begin_with(deformer.edit)
         self.tell_state()
 
     def field_ended(self, task: str, error: Exception | None) -> None:
@@ -207,8 +318,9 @@ class Session:
     def attach(self) -> None:
         """Send the whole state to a page that has just connected."""
         if self.mesh is None:
-            self.send(messages.StartMessage())
+            self._tell_start()
             return
+        self.guarded(0, self._resume)
         message, arrays = mesh_message(self.mesh, name=self.name, warnings=self._warnings)
         self.send(message, **arrays)
         if self.editing is not None:
@@ -264,18 +376,20 @@ class Session:
 
     @request
     def set_poses(self, poses: messages.KeyPoses) -> None:
-        """Replace the key poses. They are not part of the edit, and undo does not change them."""
-        self.require()
-        self.poses = poses
-        self.tell_state()
+        """Replace the key poses, as one step of undo."""
+        found = (
+            KeyPose(each.seconds, {own.handle: own.motion for own in each.transforms}, each.name) for each in poses
+        )
+        self.change(lambda deformer: deformer.set_poses(found))
 
     def run_deferred(self) -> None:
-        """Between requests, send the state if Python code changed the edit, and send the report if the edit is new."""
+        """Between requests, store a new edit, and send its report; send the state if Python code changed the edit."""
         editing = self.editing
         if editing is None:
             return
         if editing.deformer.edit is not editing.shown:
             self.tell_state()
+        self.save()
         if editing.unreported:
             editing.unreported = False
             text = str(editing.deformer.report())
@@ -289,15 +403,19 @@ class Session:
         """Send the weights that the page does not have yet, then the present state."""
         if self.mesh is None:
             return
-        common: Any = {"field": self.field, "poses": self.poses, "after": self.after}
+        common: Any = {"field": self.field, "after": self.after}
         if self.editing is None:
-            self.send(messages.StateMessage(preset="default", **common))
+            self.send(messages.StateMessage(preset="default", poses=(), **common))
             return
         self.editing.shown, self.editing.unreported = self.editing.deformer.edit, True
+        if self._kept is not None and self._kept.changed(self.editing.shown):
+            self.send(messages.SavedMessage(saved=False, key=self._kept.key))
         columns, new = self.editing.columns()
         if new:
             self.send(messages.ColumnsMessage(columns=tuple(new)), values=np.stack(list(new.values())))
         self.send(self.editing.state(columns, **common))
+        if self._kept is not None and self._kept.overdue:
+            self.save()
 
     def _tell_field(self, status: str) -> None:
         self.field = self.field.model_copy(update={"status": status})

@@ -86,8 +86,8 @@ class Editing:
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
         """Return the state. `columns` has the columns of each handle, and `common` has other fields of the state."""
         deformer, mesh, default = self.deformer, self.deformer.mesh, self.deformer.default
-        motion: Any = {name: getattr(default, name, None) for name in ("translation", "rotation", "scale")}
-        pivot = box_center(mesh) if default is None or default.pivot is None else default.pivot
+        if default is not None and default.pivot is None:
+            default = replace(default, pivot=box_center(mesh))
         steps = self.history.names()
         return messages.StateMessage(
             handles=tuple(map(self._handle, deformer.handles, columns)),
@@ -104,7 +104,15 @@ class Editing:
             planes=tuple(
                 replace(plane, band=band_on(mesh, deformer.preset)) for plane in self.planes.get(deformer.preset, ())
             ),
-            default=None if default is None else messages.PoseTransform(handle=0, pivot=pivot, **motion),
+            default=None if default is None else messages.PoseTransform.of(0, default),
+            poses=tuple(
+                messages.KeyPose(
+                    name=pose.name,
+                    seconds=pose.seconds,
+                    transforms=tuple(messages.PoseTransform.of(*each) for each in pose.transforms.items()),
+                )
+                for pose in deformer.edit.poses
+            ),
             can_undo=self.history.done > 0,
             can_redo=self.history.done < len(steps),
             steps=steps,

@@ -60,6 +60,8 @@ def named(before: Edit, after: Edit) -> str:
     if before.fixed != after.fixed:
         more = len(after.fixed) - len(before.fixed)
         return "Fix a place" if more > 0 else "Release a place" if more < 0 else "Change a fixed place"
+    if before.poses != after.poses:
+        return "Change the key poses"
     if before.default != after.default:
         return "Move the rest of the shape"
     return "Change the preset" if before.preset != after.preset else "Change the symmetry"

@@ -15,6 +15,7 @@ import uvicorn
 from dfd.app.options import SessionOptions
 from dfd.app.web.safety import Rules, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
+from dfd.common.access_token import kept_token, new_token
 
 DEFAULT_PORT = 8765
 
@@ -44,7 +45,8 @@ class RunningApp:
             reason = (error.strerror or "").partition(" (while")[0]  # the text after it repeats the address
             raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
         self.port = int(self._socket.getsockname()[1])
-        self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
+        token = kept_token() if loopback(host) and not frame_ancestors else new_token()
+        self.rules = Rules(host, token, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
         name = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self.port}/?token={self.rules.token}"
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
@@ -81,6 +83,7 @@ class RunningApp:
             self.server.run(sockets=[self._socket])
         finally:
             self._socket.close()
+            self.sessions.join()
             self._root.cleanup()
 
     def start(self) -> None:

@@ -7,7 +7,6 @@ The server sets the cookie only if the address contains the secret token.
 
 import hmac
 import ipaddress
-import secrets
 import socket
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -16,6 +15,8 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from dfd.common.access_token import new_token
 
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 NOT_ALLOWED = 4403  # close code of a rejected WebSocket
@@ -38,7 +39,7 @@ class Rules:
     """The settings of `Guard`."""
 
     host: str = "127.0.0.1"  # the address at which the server listens
-    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))  # the secret in the printed address
+    token: str = field(default_factory=new_token)  # the secret in the printed address
     cookie: str = "dfd"  # name of the cookie; the servers of one machine need different names
     frame_ancestors: Collection[str] = ()  # origins whose pages may show this one in a frame
 

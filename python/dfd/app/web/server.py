@@ -66,12 +66,18 @@ class Sessions:
         return self._tabs.get(name or "")
 
     def _open(self, name: str | None) -> Tab:
-        """Return the `Tab` of the session `name`, or a new one. In a notebook, all pages share one session."""
+        """Return the `Tab` of the session `name`. Without a name, return the one whose page was closed last.
+
+        If there is none, return a new one. In a notebook, all pages share one session.
+        """
         if (found := self.find(name)) is not None:
             return found
         if self._options.deformer is not None and self._tabs:
             return next(iter(self._tabs.values()))
-        for tab in [each for each in self._tabs.values() if each.outbox is None][:-MOST_UNATTENDED]:
+        unattended = [each for each in self._tabs.values() if each.outbox is None]
+        if not name and unattended:
+            return unattended[-1]
+        for tab in unattended[:-MOST_UNATTENDED]:
             self._tabs.pop(tab.folder.name).end()
         folder = self._root / secrets.token_hex(16)
         folder.mkdir()
@@ -80,14 +86,19 @@ class Sessions:
 
     def close(self) -> None:
         """End all sessions."""
+        for tab in self._tabs.values():
+            tab.end()
+
+    def join(self) -> None:
+        """Wait until the threads of all sessions have stored their edits."""
         while self._tabs:
-            self._tabs.popitem()[1].end()
+            self._tabs.popitem()[1].join()
 
     async def socket(self, page: WebSocket) -> None:
         """Pass messages between a page and its session, or a new session, until the page disconnects."""
         await page.accept()
         tab = self._open(page.query_params.get("session"))
-        name, outbox = tab.folder.name, tab.attach()
+        name, outbox = tab.folder.name, tab.attach(page.query_params.get("kept", ""))
         greeting = SessionMessage(session=name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS)
         tab.tell(greeting.model_dump_json())
         sending = asyncio.create_task(_send_all(page, outbox))
@@ -101,6 +112,7 @@ class Sessions:
             sending.cancel()
             if tab.outbox is outbox:
                 tab.outbox = None
+                tab.call(tab.session.detach)
             if self._tabs.pop(name, None) is not None:
                 self._tabs[name] = tab
 

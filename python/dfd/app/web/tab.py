@@ -17,6 +17,7 @@ from dfd.app.session.session import Session
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 # For each of these types, only the newest request is answered. Older ones are for an earlier pointer position or pose.
 NEWEST_ONLY = ("probe", "compute")
+LONGEST_END = 30.0  # seconds; a session that ends may first have to finish a long computation
 REST_PAUSE = 0.2  # after this number of seconds without a request, the session does deferred work
 
 Outbox = asyncio.Queue[str | bytes | int]  # messages to a page, or a close code, which closes the page's WebSocket
@@ -37,7 +38,8 @@ class Tab:
         self._inbox: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._newest: dict[str, int] = {}
         self.session = Session(folder, options, self._send, self.call)
-        threading.Thread(target=self._run, name="dfd-session", daemon=True).start()
+        self._thread = threading.Thread(target=self._run, name="dfd-session", daemon=True)
+        self._thread.start()
 
     def call(self, work: Callable[[], None]) -> None:
         """Queue `work` for the session's thread. If `work` raises an exception, the page gets a `failure` message."""
@@ -68,6 +70,7 @@ class Tab:
                 work = self.session.run_deferred
             if work is None:
                 self.session.close_shape()
+                shutil.rmtree(self.folder, ignore_errors=True)
                 return
             self.session.guarded(0, work)
 
@@ -81,16 +84,22 @@ class Tab:
         if self.outbox is not None:
             self.outbox.put_nowait(message)
 
-    def attach(self) -> Outbox:
-        """Disconnect the page that was attached before, if any, and return the outbox of a new page."""
+    def attach(self, key: str = "") -> Outbox:
+        """Disconnect the page that was attached before, if any, and return the outbox of a new page.
+
+        The first page may name the kept edit that it showed before, by its `key`.
+        """
         self.tell(OPENED_ELSEWHERE)
         outbox = self.outbox = asyncio.Queue()
-        self.call(self.session.attach if self._begun else self.session.begin)
+        self.call(self.session.attach if self._begun else partial(self.session.begin, key))
         self._begun = True
         return outbox
 
     def end(self) -> None:
-        """Disconnect the page and delete the session's files. The session ends after the work in the queue."""
+        """Disconnect the page. After the work in the queue, store the edit and delete the session's files."""
         self.tell(SESSION_ENDED)
         self._inbox.put(None)
-        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def join(self) -> None:
+        """Wait until the session has ended, but not longer than `LONGEST_END`."""
+        self._thread.join(LONGEST_END)

@@ -38,4 +38,8 @@ const types = await compile(simplified(schema, true), "Protocol", {
 });
 // Messages are never changed, so their arrays are readonly.
 const tuples = types.replace(/\[(?=number,|\s*\[)/g, "readonly [").replace(/(\w+)\[\]/g, "readonly $1[]");
-writeFileSync(place("../src/protocol/messages.ts"), tuples);
+// The fields of a transform and their values at rest.
+const motions = Object.entries(schema.$defs.PoseTransform.properties).filter(([name]) => name !== "handle");
+const rest = JSON.stringify(Object.fromEntries(motions.map(([name, field]) => [name, field.default])));
+const values = `export const REST_VALUES: Required<Omit<PoseTransform, "handle">> = ${rest};\n`;
+writeFileSync(place("../src/protocol/messages.ts"), tuples + values);

@@ -1,17 +1,30 @@
 /** Send requests to the server over a WebSocket, and receive the answers. A lost connection is opened again. */
 
 import { decode, type Received, type Request } from "../protocol/binary_messages";
-import { store } from "../store/state";
+import { store, type State } from "../store/state";
 import { problem } from "./toasts";
 
 const SESSION_KEY = "dfd-session";
+/** The key of the kept edit, with which a new server opens the same shape. */
+const KEPT_KEY = "dfd-kept";
 
-/** Close codes after which the page does not connect again, and the reasons that it shows. */
-const DISMISSALS: Record<number, string> = {
-  4001: "This session was opened in another tab.",
-  4002: "This session has ended. Reload the page to start a new one.",
-  4403: "The server refused this page. Open the address that `dfd app` printed.",
+const SERVER_STOPS = [1001, 1012, 4002];
+const STOPPED: State["ended"] = {
+  title: "The server has stopped",
+  text: "Your edit is kept. Start `dfd app` again, and this page goes on.",
+  button: "Try again",
 };
+/** Close codes after which the page does not connect again by itself, and what it says. */
+const DISMISSALS: Record<number, State["ended"]> = {
+  4001: { title: "Opened in another tab", text: "This session was opened in another tab.", button: "Use it here" },
+  4403: {
+    title: "The server refused this page",
+    text: "Open the address that `dfd app` printed. Your edit is kept.",
+    button: null,
+  },
+};
+/** Milliseconds without an answer after which the page says that the server works. */
+const NOTICED = 300;
 
 const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;
@@ -31,7 +44,7 @@ export function start(receiver: (received: Received) => void): void {
   connect();
   // Reconnect at once after the computer wakes or the network returns.
   const reconnect = () => {
-    if (document.hidden || store.get().ended !== null || socket?.readyState !== WebSocket.CLOSED) return;
+    if (document.hidden || store.get().link === "closed" || socket?.readyState !== WebSocket.CLOSED) return;
     clearTimeout(timer);
     connect();
   };
@@ -44,6 +57,7 @@ export function send(request: Request): number {
   if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
   socket.send(JSON.stringify({ ...request, id }));
+  if (oldest === 0) awaitAnswer(id);
   return id;
 }
 
@@ -51,6 +65,28 @@ export function send(request: Request): number {
 export function ask(request: Request, quiet = false): Promise<Received | null> {
   const id = send(request);
   return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
+}
+
+/** The oldest request without an answer, or 0. The server answers in order, or leaves out requests that are outdated. */
+let oldest = 0;
+let noticing = 0;
+
+function awaitAnswer(id: number): void {
+  oldest = id;
+  noticing = window.setTimeout(() => store.set({ busy: true }), NOTICED);
+}
+
+function answered(id: number): void {
+  if (id < oldest || oldest === 0) return;
+  clearTimeout(noticing);
+  oldest = 0;
+  if (id < next - 1) awaitAnswer(id + 1);
+  else if (store.get().busy) store.set({ busy: false });
+}
+
+/** Remember the kept edit of the shape, also when the page is loaded again. */
+export function keep(key: string): void {
+  sessionStorage.setItem(KEPT_KEY, key);
 }
 
 export function congested(): boolean {
@@ -62,17 +98,21 @@ export function drop(): void {
   socket?.close();
 }
 
-function connect(): void {
+export function connect(): void {
   store.set({ link: socket ? "lost" : "connecting" });
   const address = new URL("ws", location.href);
   address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
   address.hash = "";
-  address.search = new URLSearchParams({ session: sessionStorage.getItem(SESSION_KEY) ?? "" }).toString();
+  const [session, kept] = [SESSION_KEY, KEPT_KEY].map((key) => sessionStorage.getItem(key) ?? "");
+  address.search = new URLSearchParams({ session, kept }).toString();
+  clearTimeout(timer);
   const own = new WebSocket(address);
   own.binaryType = "arraybuffer";
+  let opened = false;
   own.onopen = () => {
+    opened = true;
     wait = FIRST_WAIT;
-    store.set({ link: "open" });
+    store.set({ link: "open", ended: null });
   };
   own.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
     try {
@@ -85,11 +125,13 @@ function connect(): void {
     if (socket !== own) return;
     for (const { resolve } of waiting.values()) resolve(null);
     waiting.clear();
+    answered(next - 1);
     if (code in DISMISSALS) {
       store.set({ link: "closed", ended: DISMISSALS[code] });
       return;
     }
-    store.set({ link: "lost" });
+    const stopped = SERVER_STOPS.includes(code) || !opened;
+    store.set({ link: "lost", ended: stopped && store.get().page !== "waiting" ? STOPPED : store.get().ended });
     timer = window.setTimeout(connect, wait);
     wait = Math.min(2 * wait, LONGEST_WAIT);
   };
@@ -104,4 +146,5 @@ function received(answer: Received): void {
   if (!failed || !request?.quiet) receive(answer);
   request?.resolve(failed ? null : answer);
   waiting.delete(message.id);
+  answered(message.id);
 }

@@ -273,12 +273,12 @@ export function move(handle: number, transform: Move["transform"]): number {
 }
 
 /** Convert a transform for a request. The pivot is null if the server already has this pivot. */
-function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
+function message(handle: number, { pivot_at, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
   const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
   return {
     ...rest,
-    pivot: same ? null : (pivotAt ?? pivot ?? ("auto" as const)),
+    pivot: same ? null : (pivot_at ?? pivot ?? ("auto" as const)),
     axes: axes ?? ("auto" as const),
     joint: joint ?? ("spread" as const),
   };
@@ -286,8 +286,7 @@ function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Trans
 
 /** Convert a handle and its transform to an entry of a key pose. */
 export function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
-  const { translation, rotation, scale, pivot, axes, bend, twist, joint } = transform;
-  return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
+  return { handle, ...transform, pivot_at: null };
 }
 
 /** Return the transforms at the timeline's moment, or null if the edit is shown. */

@@ -4,6 +4,7 @@ import type { Received } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
 import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
+import { keep } from "./connection";
 import { note, problem } from "./toasts";
 
 /** Stages that report the end of background work. */
@@ -15,7 +16,7 @@ export function receive({ message, payload }: Received): void {
       store.set({ session: message });
       break;
     case "start":
-      store.set({ ...CLOSED, page: "start" });
+      store.set({ ...CLOSED, page: "start", recent: message.recent });
       break;
     case "mesh":
       store.set({
@@ -34,6 +35,10 @@ export function receive({ message, payload }: Received): void {
       break;
     case "state":
       store.set(withEdit(message));
+      break;
+    case "saved":
+      store.set({ saved: message.saved });
+      keep(message.key);
       break;
     case "columns":
       store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
@@ -92,6 +97,8 @@ function hideRefused(request: number): void {
 
 function withEdit(message: StateMessage): Partial<State> {
   const state = store.get();
+  if (state.edit?.field.origin === "geometry" && message.field.origin === "distilled")
+    note("The features are learned. Handles now move all parts that look alike.");
   const used = new Set(message.handles.flatMap((handle) => handle.columns.map(({ column }) => column)));
   const present = new Set(message.handles.map((handle) => handle.handle));
   const before = new Set(state.edit?.handles.map((handle) => handle.handle));

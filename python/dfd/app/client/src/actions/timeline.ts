@@ -1,6 +1,6 @@
 /** Store, scrub and play key poses. The transforms of the handles change only when a shown moment is applied. */
 
-import { interpolate, REST, type Transform } from "../posing/affine";
+import { interpolate, REST, pickTransform, type Transform } from "../posing/affine";
 import type { KeyPose } from "../protocol/messages";
 import { store, transformOf } from "../store/state";
 import { send } from "./connection";
@@ -49,7 +49,7 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
   const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
   const of = (pose: KeyPose, handle: number): Transform => {
     const own = pose.transforms.find((transform) => transform.handle === handle);
-    return own ? { ...REST, ...own } : REST;
+    return own ? pickTransform({ ...REST, ...own }) : REST;
   };
   return new Map([...handles].map((handle) => [handle, interpolate(of(a, handle), of(b, handle), part)]));
 }

@@ -13,14 +13,15 @@ import { Topbar } from "./topbar";
 
 /** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const { page, inspector, timeline, dropping, narrow } = useParts();
+  const { page, inspector, timeline, dropping, narrow, busy } = useParts();
   const shape = page === "shape";
   useEffect(() => {
     const root = document.documentElement;
     root.dataset.page = page;
     root.dataset.inspector = String(shape && inspector);
     root.dataset.timeline = String(shape && timeline);
-  }, [page, inspector, timeline]);
+    root.dataset.busy = String(busy);
+  }, [page, inspector, timeline, busy]);
   return (
     <>
       {shape && (

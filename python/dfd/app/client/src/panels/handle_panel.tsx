@@ -78,7 +78,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           hint="The center of rotation and scale"
           value={transform.pivot ?? handle.position}
           step={step}
-          onChange={(pivot) => setMotion({ pivot, pivotAt: null })}
+          onChange={(pivot) => setMotion({ pivot, pivot_at: null })}
         />
         {folded.map(field)}
         <Toggle

@@ -9,7 +9,7 @@ const BESIDE = [".zip", ".json", ".safetensors"];
 
 /** The start page, shown without a shape. */
 export function Start() {
-  const { session, uploading } = useParts();
+  const { session, uploading, recent } = useParts();
   const endings = session?.formats.filter((ending) => !BESIDE.includes(ending)) ?? [];
   const formats = endings.map((ending) => ending.slice(1).toUpperCase()).join(", ");
   const hint = session
@@ -26,6 +26,24 @@ export function Start() {
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
           <small>{hint}</small>
         </button>
+        {recent.length > 0 && (
+          <section aria-label="Recent">
+            <h2>Recent</h2>
+            <ul class="samples">
+              {recent.map(({ key, name, handles, seconds, present }) => (
+                <li key={key}>
+                  <button type="button" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
+                    <strong>{titled(name)}</strong>
+                    <small>
+                      {handles === 1 ? "1 handle" : `${handles} handles`} · {new Date(1000 * seconds).toLocaleString()}
+                      {!present && " · open the mesh again to continue"}
+                    </small>
+                  </button>
+                </li>
+              ))}
+            </ul>
+          </section>
+        )}
         {session && session.samples.length > 0 && (
           <section aria-label="Samples">
             <h2>Or begin with a sample</h2>

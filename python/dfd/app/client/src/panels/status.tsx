@@ -1,17 +1,27 @@
-import { send } from "../actions/connection";
+import { connect, send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
+import { ready } from "../store/state";
 import { useParts } from "../store/use";
 import { Button, IconButton, titled } from "../widgets/controls";
 import { nextStep } from "./next_step";
 
 export function StatusLine() {
   const state = useParts();
-  const { link, dragging, report, ahead } = state;
+  const { link, dragging, report, ahead, saved, busy } = state;
   const said = report && !dragging ? report.text : "";
+  const kept = saved && ahead.size === 0;
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
-        {link === "open" ? (ahead.size > 0 ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
+        {link === "lost"
+          ? "Reconnecting…"
+          : link !== "open"
+            ? titled(link)
+            : busy
+              ? "Working…"
+              : kept
+                ? "Saved"
+                : "Saving…"}
       </span>
       <span class="hint" role="status">
         {nextStep(state)}
@@ -37,27 +47,22 @@ export function Toasts() {
   );
 }
 
-const TITLES = {
-  open: "Opening",
-  distill: "Learning features",
-  prepare: "Preparing",
-};
-
 /** The progress of background work, or a button that starts to learn features. */
 export function ProgressCard() {
   const { progress, edit, mesh } = useParts();
   if (progress) {
-    const part = progress.total ? Math.min(progress.done / progress.total, 1) : null;
-    const title = TITLES[progress.task];
+    const { share, text } = progress;
     return (
       <section class="card progress" aria-label="Progress">
         <div class="card-line">
-          <strong>{title}</strong>
+          <strong>{text}</strong>
           <span>{remaining(progress.seconds_left)}</span>
         </div>
-        <progress aria-label={title} {...(part === null ? {} : { value: part })} max={1} />
+        <progress aria-label="Progress" {...(share === null ? {} : { value: share })} max={1} />
         <div class="card-line">
-          <small>{titled(progress.stage)}</small>
+          <small>
+            {ready({ edit }) && progress.task === "distill" && "You can begin: parts are those of the geometry."}
+          </small>
           {progress.task === "distill" && (
             <Button text="Cancel" style="small" onPress={() => send({ type: "cancel" })} />
           )}
@@ -65,7 +70,7 @@ export function ProgressCard() {
       </section>
     );
   }
-  if (!mesh || edit?.field.status !== "none") return null;
+  if (!mesh || (edit?.field.status !== "none" && edit?.field.origin !== "geometry")) return null;
   return (
     <section class="card" aria-label="Features">
       <div class="card-line">
@@ -82,16 +87,16 @@ function remaining(seconds: number | null): string {
   return `${Math.ceil(seconds / 60)} min left`;
 }
 
-/** A message that the session has ended, and why. */
+/** A dialog that says why the page has no connection. */
 export function Ended() {
   const { ended } = useParts();
   if (ended === null) return null;
   return (
-    <div class="veil" role="alertdialog" aria-label="The session has ended">
+    <div class="veil" role="alertdialog" aria-label={ended.title}>
       <div class="dialog">
-        <h2>The session has ended</h2>
-        <p>{ended}</p>
-        <Button text="Reload" style="primary" onPress={() => location.reload()} />
+        <h2>{ended.title}</h2>
+        <p>{ended.text}</p>
+        {ended.button && <Button text={ended.button} style="primary" onPress={connect} />}
       </div>
     </div>
   );

@@ -2,44 +2,28 @@
 
 import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 
+import { REST_VALUES, type PoseTransform } from "../protocol/messages";
+
 export type Vec3 = readonly [number, number, number];
 
 /** Three orthonormal vectors, one per row. */
 export type Frame = readonly [Vec3, Vec3, Vec3];
 
-export type PivotAt = "base" | "middle" | "point" | "plane" | "hinge";
+/** The fields of a transform, as `dfd.posing.transforms` defines them, without the id of the handle. */
+type Fields = Required<Omit<PoseTransform, "handle">>;
+/** A transform of a handle. `pivot_at` may also be "auto": the server chooses the pivot. */
+export type PivotAt = NonNullable<Fields["pivot_at"]>;
+export type Transform = Omit<Fields, "pivot_at"> & { readonly pivot_at: Fields["pivot_at"] | "auto" };
 
-export interface Transform {
-  readonly translation: Vec3;
-  /** Rotation vector: axis times angle in degrees, right-handed. */
-  readonly rotation: Vec3;
-  readonly scale: Vec3;
-  /** The center of rotation and scale; null stands for the handle's own position. */
-  readonly pivot: Vec3 | null;
-  /** The name of the pivot, or "auto"; null if `pivot` is not a named point. */
-  readonly pivotAt: PivotAt | "auto" | null;
-  /** The axes of scale; null stands for the mesh's own axes. */
-  readonly axes: Frame | null;
-  /** The bend of the part that the handle moves: the rotation vector of the part's tip, in degrees. */
-  readonly bend: Vec3;
-  /** The twist of that part: the rotation of the tip about the part's axis, in degrees. */
-  readonly twist: number;
-  /** The place of bend and twist on the part's axis, from 0 (base) to 1 (tip); null spreads both over the axis. */
-  readonly joint: number | null;
+/** Return the transform in an object with more fields. */
+export function pickTransform(values: Transform): Transform {
+  return Object.fromEntries(
+    Object.keys(REST).map((key) => [key, values[key as keyof Transform]]),
+  ) as unknown as Transform;
 }
 
 export const IDENTITY = new Matrix4();
-export const REST: Transform = {
-  translation: [0, 0, 0],
-  rotation: [0, 0, 0],
-  scale: [1, 1, 1],
-  pivot: null,
-  pivotAt: null,
-  axes: null,
-  bend: [0, 0, 0],
-  twist: 0,
-  joint: null,
-};
+export const REST: Transform = REST_VALUES;
 
 /** Return the unit vector of an axis (0 to 2) of the mesh, or of the rotated handle if `local`; null without an axis. */
 export function axisIn(transform: Transform, axis: number | null, local: boolean): Vector3 | null {
@@ -132,7 +116,7 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Interpolate rotations along the shorter arc, other values linearly. Axes, joint and `pivotAt` are those of `b`. */
+/** Interpolate rotations along the shorter arc, other values linearly. Axes, joint and `pivot_at` are those of `b`. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
   return {

@@ -1,6 +1,6 @@
 /** The state of the page. `edit` is the server's last state, unchanged. */
 
-import type { Transform, Vec3 } from "../posing/affine";
+import { pickTransform, type Transform, type Vec3 } from "../posing/affine";
 import type { Surface } from "../posing/held";
 import type { Payload } from "../protocol/binary_messages";
 import type {
@@ -9,6 +9,7 @@ import type {
   LadderMessage,
   MeshMessage,
   ProgressMessage,
+  RecentShape,
   ReportMessage,
   SessionMessage,
   SimilarMessage,
@@ -86,6 +87,8 @@ export const CLOSED = {
   /** The possible pivots of the selected handle, and the axis of its part. */
   axis: null as AxisMessage | null,
   report: null as ReportMessage | null,
+  /** Whether the server has stored the newest edit on its disk. */
+  saved: true,
   tool: "hold" as Tool,
   comparing: false,
   /** The transform of each handle at the moment that the timeline shows; null if the page shows the edit. */
@@ -96,10 +99,14 @@ export const CLOSED = {
 const INITIAL = {
   ...CLOSED,
   link: "connecting" as "connecting" | "open" | "lost" | "closed",
-  /** The reason why the session ended; null if it has not ended. */
-  ended: null as string | null,
+  /** Whether the server works on a request for so long that the page says so. */
+  busy: false,
+  /** Why the page has no connection, and the text of the button that helps; null if no dialog says so. */
+  ended: null as { readonly title: string; readonly text: string; readonly button: string | null } | null,
   session: null as SessionMessage | null,
   page: "waiting" as "waiting" | "start" | "shape",
+  /** The shapes that were edited last. */
+  recent: [] as readonly RecentShape[],
   progress: null as ProgressMessage | null,
   uploading: null as string | null,
   gizmo: "translate" as GizmoMode,
@@ -136,8 +143,7 @@ export const store = createStore<State>(INITIAL);
 
 /** Return the transform that a handle has on the server. */
 export function transformOf(handle: HandleState): Transform {
-  const { translation, rotation, scale, pivot_set, pivot, pivot_at, axes, bend, twist, joint } = handle;
-  return { translation, rotation, scale, pivot: pivot_set ? pivot : null, pivotAt: pivot_at, axes, bend, twist, joint };
+  return { ...pickTransform(handle), pivot: handle.pivot_set ? handle.pivot : null };
 }
 
 /** Return a handle as the page shows it: the server's state with unconfirmed changes and the timeline's moment. */
@@ -147,7 +153,7 @@ export function present(state: State, handle: HandleState): HandleState & { read
   // The server sets the pivot at the first rotation or scale. Until then, the gizmo is at the automatic pivot.
   const turns = state.gizmo === "rotate" || state.gizmo === "scale";
   const automatic = turns && !handle.pivot_set && state.axis?.handle === handle.handle;
-  const initial: Transform = automatic ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
+  const initial: Transform = automatic ? { ...own, pivot: state.axis.auto, pivot_at: "auto" } : own;
   return {
     ...handle,
     // Locality and radius exclude each other.

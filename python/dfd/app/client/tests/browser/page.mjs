@@ -25,7 +25,7 @@ export function launch() {
 }
 
 /** Open a tab. The array `problems` receives all errors in the tab. */
-export async function openTab(browser, options = {}) {
+export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
   const page = await context.newPage();
   await page.addInitScript(installHook);
@@ -39,8 +39,8 @@ export async function openTab(browser, options = {}) {
   page.on("console", (message) => {
     if (message.type() === "error") problems.push(message.text());
   });
-  await page.goto(URL_WITH_TOKEN);
-  await page.goto(new URL("/?test", URL_WITH_TOKEN).href);
+  await page.goto(address);
+  await page.goto(new URL("/?test", address).href);
   await until(page, (s) => s.page !== "waiting");
   return { context, page, problems };
 }

@@ -355,6 +355,11 @@ async function assertUnchanged(before) {
 
 step("a reload keeps the edit", async () => {
   await page.keyboard.press("Control+z");
+  await until(page, (s) => s.edit.poses.length === 1);
+  await page.keyboard.press("Control+Shift+Z");
+  await until(page, (s) => s.edit.poses.length === 2);
+  await page.keyboard.press("Control+z");
+  await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.handles[0].moved);
   const before = await handles();
   await page.reload();

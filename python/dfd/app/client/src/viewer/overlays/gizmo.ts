@@ -96,7 +96,7 @@ export class Gizmo {
       const tip = apply(matrixOf(transform, position).invert(), grip);
       return { ...transform, bend: bendTowards(ends, tip, transform.joint) };
     }
-    if (pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivotAt: null };
+    if (pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivot_at: null };
     return {
       ...transform,
       translation: subtract(grip, transform.pivot ?? position),

@@ -1,0 +1,250 @@
+"""Keep the edit of each mesh in the user's data folder, so that closing a session or its program loses nothing.
+
+The edit of a mesh is the edit file `edits/KEY.json` in the data folder (`dfd.common.files.data_directory`). KEY is the
+mesh's content hash. A session locks the file while the mesh is open. If another session has the mesh open, a session
+starts with a copy of its edit, and keeps the copy under the key HASH-2, HASH-3 and so on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from dfd.common.files import data_directory
+from dfd.editing.edit import Edit
+from dfd.editing.edit_file import MadeOn, read_edit, write_edit
+from dfd.mesh.mesh import Mesh
+
+KEY = re.compile(r"[0-9a-f]{16,64}(-\d{1,6})?")
+LONGEST_UNSAVED = 2.0  # seconds; during continuous work, an edit is stored at least this often
+LEAVES = 1.0  # seconds in which a session whose tab was just closed stores and unlocks its edit
+LIMIT = 2 << 30  # largest total size of the stored mesh files in bytes; above it, those of the oldest edits are removed
+
+
+@dataclass(frozen=True)
+class RecentEdit:
+    """A kept edit in the list of recent shapes. `mesh` and `field` are files, or None if they are gone."""
+
+    key: str
+    name: str
+    seconds: float  # time of the last change, since 1970
+    handles: int
+    mesh: Path | None
+    field: Path | None
+
+
+class KeptEdit:
+    """The kept edit of one mesh, locked for one session.
+
+    `made_on` names the files of the shape. Files in folders of `uploads` are copied, because they are deleted later.
+    With a `key`, the session continues that kept edit if the mesh is still the same. If the mesh has changed and has no
+    edit of its own, the session starts with the edit of `key`.
+
+    Raises OSError if the data folder cannot be written.
+    """
+
+    def __init__(self, mesh: Mesh, made_on: MadeOn, *, uploads: Path | None = None, key: str | None = None) -> None:
+        self._mesh, self.made_on, self._uploads = mesh, made_on, uploads
+        self._saved: Edit | None = None  # the edit that was stored last, or that could not be stored
+        self._since: float | None = None  # time of the first change since then
+        own = mesh.content_hash
+        first = key if key is not None and key.partition("-")[0] == own else own
+        self._folder = _folder()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self.is_copy = not self._lock(first)
+        if self.is_copy:
+            self._lock_free()
+        other = None if key is None or self._file(first).exists() else key
+        self._start = self._file(first if other is None else other)
+        self._stamp: tuple[int, int] | None = None  # time and size of the file that was read or written last
+
+    def _lock(self, key: str) -> bool:
+        """Lock the kept edit `key`; return False if another session has locked it."""
+        lock = FileLock(self._folder / f".{key}.lock")
+        try:
+            lock.acquire(timeout=LEAVES, poll_interval=0.02)
+        except Timeout:
+            return False
+        self._locked, self.key = lock, key
+        return True
+
+    def _lock_free(self) -> None:
+        """Lock the first key of this mesh that has no file and that no session has locked."""
+        next(key for key in self._free() if self._lock(key))
+
+    def _free(self) -> Iterator[str]:
+        """Yield the keys of copies that have no file."""
+        own = self._mesh.content_hash
+        return (key for number in count(2) if not self._file(key := f"{own}-{number}").exists())
+
+    def _file(self, key: str) -> Path:
+        return self._folder / f"{key}.json"
+
+    @property
+    def path(self) -> Path:
+        """Return the path of the edit file, which may not exist yet."""
+        return self._file(self.key)
+
+    def read(self) -> Edit | None:
+        """Return the edit with which the session starts, or None if the mesh has no kept edit.
+
+        Raises ValueError if the file is damaged; then it is renamed, so that it is not overwritten.
+        """
+        try:
+            edit = read_edit(self._start, self._mesh)
+        except FileNotFoundError:
+            return None
+        except ValueError as error:
+            aside = self._start.with_name(f"{self._start.name}.damaged")
+            with suppress(OSError):
+                self._start.replace(aside)
+            reason = str(error).removeprefix(f"{self._start}: ")
+            raise ValueError(f"The kept edit cannot be read, and is now in the file {aside.name}: {reason}") from error
+        self._stamp = self._state()
+        return edit
+
+    def begin(self, edit: Edit) -> None:
+        """Take `edit` as the first state, which needs not be stored."""
+        self._saved, self._since = edit, None
+
+    def changed(self, edit: Edit) -> bool:
+        """Return whether `edit` is not the one that was stored last."""
+        new = edit is not self._saved
+        if new:
+            self._since = self._since or time.monotonic()
+        return new
+
+    @property
+    def overdue(self) -> bool:
+        """Return whether a change is older than `LONGEST_UNSAVED`."""
+        return self._since is not None and time.monotonic() - self._since > LONGEST_UNSAVED
+
+    def save(self, edit: Edit) -> bool:
+        """Store `edit` atomically if it has changed. Return whether it was stored.
+
+        Raises OSError if it cannot be stored; the file then stays unchanged until the next change of the edit.
+        """
+        if not self._locked.is_locked or edit is self._saved:
+            return False
+        self._saved, self._since = edit, None
+        made_on = self.made_on
+        try:
+            stored = {name: self._stored(getattr(made_on, name)) for name in ("mesh", "field")}
+            write_edit(self.path, edit, self._mesh, made_on=replace(made_on, **stored))
+        except OSError as error:
+            raise OSError(f"Your edit could not be stored: {os.strerror(error.errno or 0)}") from error
+        self._start, self._stamp = self.path, self._state()
+        return True
+
+    def set_aside(self) -> None:
+        """Keep the stored edit, if there is one, also under another key, because another edit will replace it."""
+        if self.path.exists():
+            shutil.copy2(self.path, self._file(next(self._free())))
+
+    def _stored(self, path: str | None) -> str | None:
+        """Return a path at which a file of the shape stays. The files of an upload are copied beside the edit."""
+        if path is None or self._uploads is None or not Path(path).is_relative_to(self._uploads):
+            return path
+        upload, *rest = Path(path).relative_to(self._uploads).parts
+        copy = self.path.with_suffix("") / upload
+        if not copy.exists():
+            unfinished = copy.with_name(f".{upload}")
+            shutil.copytree(self._uploads / upload, unfinished, copy_function=_link_or_copy, dirs_exist_ok=True)
+            unfinished.replace(copy)
+            _clean(self._folder, self.path.with_suffix(""))
+        return str(copy.joinpath(*rest))
+
+    def release(self) -> None:
+        """Unlock the edit for other sessions."""
+        self._locked.release()
+
+    def resume(self) -> Edit | None:
+        """Lock the edit again after `release`. Return its state if another session has changed it meanwhile.
+
+        If another session has locked it, this session goes on with a copy.
+        """
+        if self._locked.is_locked:
+            return None
+        if not self._lock(self.key):
+            self._lock_free()
+            self.is_copy, self._saved, self._stamp = True, None, None
+        elif self._stamp is not None and self._state() not in (None, self._stamp):
+            return self.read()
+        return None
+
+    def _state(self) -> tuple[int, int] | None:
+        try:
+            found = self.path.stat()
+        except FileNotFoundError:
+            return None
+        return found.st_mtime_ns, found.st_size
+
+
+def recent_edits(most: int) -> list[RecentEdit]:
+    """Return at most `most` kept edits, the last changed first. Damaged files are left out."""
+    found: list[RecentEdit] = []
+    for path in _by_age(_folder()):
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            found.append(_recent(path))
+        if len(found) == most:
+            break
+    return found
+
+
+def find_recent(key: str) -> RecentEdit:
+    """Return the kept edit `key`. Raises ValueError if there is none."""
+    if KEY.fullmatch(key):
+        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            return _recent(_folder() / f"{key}.json")
+    raise ValueError("This edit is no longer kept")
+
+
+def _recent(path: Path) -> RecentEdit:
+    document = json.loads(path.read_text(encoding="utf-8"))
+    made_on = document["made_on"]
+    files = (path.parent / made_on[key] if made_on[key] else None for key in ("mesh", "field"))
+    mesh, field = (file if file is not None and file.is_file() else None for file in files)
+    name, handles = str(made_on["name"] or "mesh"), len(document["handles"])
+    return RecentEdit(path.stem, name, path.stat().st_mtime, handles, mesh, field)
+
+
+def _by_age(folder: Path) -> Iterator[Path]:
+    """Yield the files of all kept edits, the last changed first."""
+    aged = []
+    for path in folder.glob("*.json"):
+        with suppress(OSError):  # another process removed the file
+            aged.append((path.stat().st_mtime, path))
+    return (path for _, path in sorted(aged, reverse=True))
+
+
+def _clean(folder: Path, newest: Path) -> None:
+    """Remove the stored mesh files of the oldest edits beyond `LIMIT`, but never those in the folder `newest`."""
+    total = 0
+    for stored in (newest, *(each.with_suffix("") for each in _by_age(folder) if each.with_suffix("") != newest)):
+        files = [each for each in stored.rglob("*") if each.is_file()]
+        with suppress(OSError):
+            total += sum(each.stat().st_size for each in files)
+        if total > LIMIT and stored != newest:
+            shutil.rmtree(stored, ignore_errors=True)
+
+
+def _link_or_copy(source: str, target: str) -> None:
+    """Make a hard link, which needs no space, or copy the file if its file system allows no link."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def _folder() -> Path:
+    return data_directory() / "edits"
