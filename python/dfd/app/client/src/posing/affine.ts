@@ -2,7 +2,7 @@
 
 import { MathUtils, Matrix4, Quaternion, Vector3 } from "three";
 
-import { REST_VALUES, type PoseTransform } from "../protocol/messages";
+import type { PoseTransform } from "../protocol/messages";
 
 export type Vec3 = readonly [number, number, number];
 
@@ -23,7 +23,17 @@ export function pickTransform(values: Transform): Transform {
 }
 
 export const IDENTITY = new Matrix4();
-export const REST: Transform = REST_VALUES;
+export const REST: Transform = {
+  translation: [0, 0, 0],
+  rotation: [0, 0, 0],
+  scale: [1, 1, 1],
+  pivot: null,
+  axes: null,
+  pivot_at: null,
+  bend: [0, 0, 0],
+  twist: 0,
+  joint: null,
+};
 
 /** Return the unit vector of an axis (0 to 2) of the mesh, or of the rotated handle if `local`; null without an axis. */
 export function axisIn(transform: Transform, axis: number | null, local: boolean): Vector3 | null {

@@ -16,6 +16,7 @@ import {
   type Transform,
   type Vec3,
 } from "../../src/posing/affine";
+import { REST_VALUES } from "../../src/protocol/messages";
 
 function close(a: readonly number[], b: readonly number[], digits = 10): void {
   expect(a.length).toBe(b.length);
@@ -97,4 +98,8 @@ describe("typedMotion", () => {
   it("uses the axes of the rotated handle on request", () => {
     close(typedMotion(turned, "translate", axisIn(turned, 0, true), 0.2).translation, [0, 0.2, 0]);
   });
+});
+
+it("has the values at rest of the server", () => {
+  expect(REST).toEqual(REST_VALUES);
 });
