@@ -100,17 +100,6 @@ def test_the_first_rotation_chooses_a_pivot_that_later_rotations_keep(one):
     assert one.handle(handle).transform.pivot == chosen
 
 
-def test_a_flat_part_rotates_about_its_middle():
-    """A mushroom: the cap is wider than it is high, so it is no limb."""
-    height = np.concatenate([np.linspace(0.0, 1.0, 21), np.linspace(1.02, 1.3, 8)])
-    mesh = tube(np.stack([0 * height, height, 0 * height], axis=1), np.where(height > 1.0, 0.8, 0.2))
-    session = session_of(mesh, (mesh.vertices[:, 1] > 1.01).astype(int))
-    handle = session.add(len(mesh.vertices) - 1, scale=1.2, level=1)  # level 0 is the flat top
-    transform = session.handle(handle).transform
-    assert transform.pivot_at == "middle"
-    np.testing.assert_allclose(transform.pivot, (0, 1.15, 0), atol=0.1)
-
-
 def test_pivots_by_name(one):
     handle = one.add(30 * AROUND, rotation=(0, 0, 20))
     held = one.mesh.vertices[30 * AROUND]
