@@ -147,7 +147,7 @@ def test_an_obj_keeps_its_mark_and_its_continued_lines(mark: bytes, line_break: 
     ("data", "message"),
     [
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 10\n", "Git LFS pointer"),
-        (gzip.compress(obj_cube().encode()), "compressed data"),
+        (gzip.compress(obj_cube().encode(), mtime=0), "compressed data"),
         (b"PK\x03\x04" + bytes(100), "an archive, such as a ZIP file"),
         (b"\n<!DOCTYPE html><html><body>404</body></html>", "an HTML page"),
         (obj_cube().encode("utf-16"), "UTF-16"),
