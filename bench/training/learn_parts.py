@@ -26,7 +26,7 @@ from dfd.segmentation.choose import CUES, candidates
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.tree import Tree
 
-SHAPES = 60  # number of generated shapes
+SHAPES = 100  # number of generated shapes
 DRAWS = 24  # number of places on each lesson's shape
 SHARPNESS = 20.0  # factor of the IoU in the softmax that the probabilities should match
 LEAST_IOU = 0.5  # a place is a lesson only if a candidate has at least this IoU with the part

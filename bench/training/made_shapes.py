@@ -18,6 +18,7 @@ from dfd.samples.polygonize import polygonize
 FACES = 8_000
 LOW, HIGH = (-1.1, -0.4, -1.1), (1.1, 1.8, 1.1)  # corners of the box in which all shapes lie
 SMALLEST = 0.001  # parts with less than this share of the surface are left out
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +44,16 @@ class Builder:
     def chance(self, probability: float) -> bool:
         return bool(self.random.random() < probability)
 
-    def part(self, above: str | None, *distances: Distance, paired: bool = False, smooth: float = 1.0) -> str:
-        """Add a part that hangs on `above`. `smooth` multiplies the width of the transitions."""
+    def part(self, above: str | None) -> str:
+        """Begin a part that hangs on `above`, and return its name."""
         name = f"part {len(self.above)}"
         self.above[name] = above
-        self.extend(name, *distances, paired=paired, smooth=smooth)
         return name
 
-    def extend(self, name: str, *distances: Distance, paired: bool = False, smooth: float = 1.0) -> None:
-        """Add primitives to a part."""
-        for distance in distances:
-            width = self.blend * smooth * self.between(0.6, 1.3)
-            self.primitives.append(Primitive(name, distance, 0, paired, width))
+    def add(self, name: str, distance: Distance, *, paired: bool = False, smooth: float | None = None) -> None:
+        """Add a primitive to a part. `smooth` multiplies the width of the transition; None means a random factor."""
+        factor = self.between(0.6, 1.3) if smooth is None else smooth
+        self.primitives.append(Primitive(name, distance, 0, paired, self.blend * factor))
 
     def limb(
         self,
@@ -66,69 +65,84 @@ class Builder:
         *,
         paired: bool = True,
         segments: int | None = None,
-        spread: float = 0.2,
+        spread: float = 0.35,
     ) -> tuple[str, Float64, Float64, float]:
         """Add a chain of segments, each a part. Return the last segment, its end, its direction and its radius."""
         count = segments or int(self.random.integers(1, 4))
         at, along = np.array(start, float), np.array(direction, float)
+        along /= np.linalg.norm(along)
         for number in range(count):
-            along /= np.linalg.norm(along)
-            end, thin = at + along * length / count * self.between(0.8, 1.2), radius * self.between(0.6, 0.95)
-            above = self.part(above, capsule(_triple(at), _triple(end), radius, thin), paired=paired)
+            above = self.part(above)
+            end = at + along * (length / count * self.between(0.8, 1.2))
+            thin = radius * self.between(0.6, 0.95)
+            rod = capsule(_point(at), _point(end), radius, thin)
+            self.add(above, rod, paired=paired, smooth=None if number else 1.2)
             if number and self.chance(0.3):
-                self.extend(above, ellipsoid(_triple(at), (1.25 * radius,) * 3), paired=paired)
-            at, radius, along = end, thin, along + self.random.normal(size=3) * spread
-        return above, at, along / np.linalg.norm(along), radius
+                self.add(above, ellipsoid(_point(at), (1.25 * radius,) * 3), paired=paired)
+            at, radius = end, thin
+            along = along + self.random.normal(size=3) * spread * 0.5
+            along /= np.linalg.norm(along)
+        return above, at, along, radius
 
     def hand(self, above: str, at: Float64, along: Float64, radius: float) -> None:
         """Add a hand with up to five fingers."""
-        size = radius * self.between(1.1, 1.9)
-        palm = ellipsoid(_triple(at + 0.6 * size * along), tuple(size * self.random.uniform(0.7, 1.1, 3)))
-        hand = self.part(above, palm, paired=True, smooth=0.6)
-        aside = np.cross(along, (0.3, 1.0, 0.2))
+        hand, size = self.part(above), radius * self.between(1.1, 1.9)
+        x, y, z = (size * self.between(0.7, 1.1) for _ in range(3))
+        self.add(hand, ellipsoid(_point(at + along * size * 0.6), (x, y, z)), paired=True, smooth=0.6)
+        count, palm = int(self.random.integers(0, 6)), at + along * size
+        aside = np.cross(along, [0.3, 1, 0.2])
         aside /= np.linalg.norm(aside)
-        count = int(self.random.integers(0, 6))
         for number in range(count):
-            side = aside * (2 * (number + 0.5) / count - 1)
-            start, thick = at + size * (along + 0.75 * side), max(size * self.between(0.55, 0.8) / max(count, 3), 0.008)
-            end = start + (along + 0.5 * side) * size * self.between(0.8, 1.6)
-            self.part(hand, capsule(_triple(start), _triple(end), thick, 0.8 * thick), paired=True, smooth=0.3)
+            finger, side = self.part(hand), 2 * (number + 0.5) / count - 1
+            start, towards = palm + aside * size * 0.75 * side, along + aside * 0.5 * side
+            towards /= np.linalg.norm(towards)
+            length = size * self.between(0.9, 1.8)
+            thick = max(size * 0.8 / max(count, 3) * self.between(0.7, 1.0), 0.008)
+            rod = capsule(_point(start), _point(start + towards * length), thick, thick * 0.8)
+            self.add(finger, rod, paired=True, smooth=0.3)
 
     def foot(self, above: str, at: Float64, along: Float64, radius: float) -> None:
         """Add a shoe, a hoof or a paw."""
-        size, kind = radius * self.between(1.0, 1.7), int(self.random.integers(3))
-        shoe = rounded_box(_triple(at + (0, 0, 0.6 * size)), (0.85 * size, 0.55 * size, 1.6 * size), 0.35 * size)
-        hoof = capsule(_triple(at), _triple(at + 1.2 * size * along), 0.8 * size, size)
-        paw = ellipsoid(_triple(at + 0.5 * size * along), (size, 0.7 * size, 1.3 * size))
-        self.part(above, (shoe, hoof, paw)[kind], paired=True, smooth=0.5)
+        foot, size, kind = self.part(above), radius * self.between(1.0, 1.7), self.random.random()
+        if kind < 0.4:
+            half = size * self.between(0.7, 1), size * self.between(0.4, 0.7), size * self.between(1.2, 2)
+            shoe = rounded_box(_point(at + np.array([0, 0, size * 0.6])), half, size * 0.35)
+            self.add(foot, shoe, paired=True, smooth=0.6)
+        elif kind < 0.7:
+            hoof = capsule(_point(at), _point(at + along * size * 1.2), size * 0.8, size)
+            self.add(foot, hoof, paired=True, smooth=0.4)
+        else:
+            paw = ellipsoid(_point(at + along * size * 0.5), (size, size * 0.7, size * 1.3))
+            self.add(foot, paw, paired=True, smooth=0.6)
 
-    def head(self, above: str, at: Sequence[float], size: float) -> None:
+    def head(self, above: str, at: Point, size: float) -> None:
         """Add a head, perhaps with a muzzle, ears, horns, eyes and a hat."""
-        x, y, z = size * self.random.uniform((0.8, 0.8, 0.9), (1.1, 1.1, 1.3))
-        center = np.array(at) + (0, 0.7 * y, 0.3 * z)
-        head = self.part(above, ellipsoid(_triple(center), (x, y, z)))
+        between, head = self.between, self.part(above)
+        x, y, z = size * between(0.8, 1.1), size * between(0.8, 1.1), size * between(0.9, 1.3)
+        center = np.array(at) + [0, y * 0.7, z * 0.3]
+        self.add(head, ellipsoid(_point(center), (x, y, z)))
         if self.chance(0.6):
-            start, length = center + (0, -0.2 * size, 0.6 * z), size * self.between(0.6, 1.2)
-            end = start + (0, -0.15 * size, length)
-            radii = size * self.between(0.4, 0.6), size * self.between(0.25, 0.45)
-            self.part(head, capsule(_triple(start), _triple(end), *radii))
+            muzzle, length = self.part(head), size * between(0.6, 1.2)
+            start, end = center + [0, -0.2 * size, z * 0.6], center + [0, -0.35 * size, z * 0.6 + length]
+            self.add(muzzle, capsule(_point(start), _point(end), size * between(0.4, 0.6), size * between(0.25, 0.45)))
         if self.chance(0.7):
-            height, width = size * self.between(0.4, 1.3), size * self.between(0.15, 0.35)
-            root = center + (x * self.between(0.5, 0.9), y * self.between(0.5, 0.8) + 0.5 * height, 0)
-            flat = max(size * self.between(0.08, 0.2), 0.012)
-            ear = ellipsoid(_triple(root), (width, 0.7 * height, flat), roll=self.between(-0.8, 0.2))
-            self.part(head, ear, paired=True, smooth=0.5)
+            ear, height, width = self.part(head), size * between(0.4, 1.3), size * between(0.15, 0.35)
+            root = center + [x * between(0.5, 0.9), y * between(0.5, 0.8), between(-0.3, 0.2) * size]
+            middle = root + [height * 0.5 * between(0, 1), height * 0.5, 0]
+            radii = (width, height * 0.7, max(size * between(0.08, 0.2), 0.012))
+            self.add(ear, ellipsoid(_point(middle), radii, roll=between(-0.8, 0.2)), paired=True, smooth=0.5)
         if self.chance(0.4):
-            root, along = center + (0.35 * x, 0.75 * y, 0), (self.between(0.1, 1), 1, self.between(-0.4, 0.6))
-            thick = max(size * self.between(0.1, 0.2), 0.014)
-            self.limb(head, root, along, size * self.between(0.5, 1.6), thick, segments=1)
+            root, along = center + [x * between(0.2, 0.5), y * 0.75, 0], (between(0.1, 1), 1, between(-0.4, 0.6))
+            length, thick = size * between(0.5, 1.6), max(size * between(0.1, 0.2), 0.014)
+            self.limb(head, root.tolist(), along, length, thick, segments=1)
         if self.chance(0.4):
-            eye, radius = center + (0.45 * x, 0.2 * y, 0.8 * z), size * self.between(0.12, 0.28)
-            self.part(head, ellipsoid(_triple(eye), (radius,) * 3), paired=True, smooth=0.15)
+            eye, radius = self.part(head), size * between(0.12, 0.28)
+            place = _point(center + [x * 0.45, y * 0.2, z * 0.8])
+            self.add(eye, ellipsoid(place, (radius, radius, radius)), paired=True, smooth=0.15)
         if self.chance(0.2):
-            brim, top = center + (0, 0.9 * y, 0), center + (0, 1.6 * y, 0)
-            hat = ellipsoid(_triple(brim), (1.3 * x, 0.12 * size, 1.2 * z))
-            self.part(head, hat, capsule(_triple(brim), _triple(top), 0.7 * x, 0.5 * x), smooth=0.3)
+            hat, brim, top = self.part(head), _point(center + [0, y * 0.9, 0]), _point(center + [0, y * 1.6, 0])
+            self.add(hat, ellipsoid(brim, (x * 1.3, size * 0.12, z * 1.2)), smooth=0.3)
+            self.add(hat, capsule(brim, top, x * 0.7, x * 0.5), smooth=0.3)
 
     def finished(self, faces: int = FACES) -> MadeShape:
         """Return the mesh and its parts."""
@@ -153,115 +167,131 @@ class Builder:
         return name == on
 
 
-def _triple(point: Float64) -> tuple[float, float, float]:
-    x, y, z = np.asarray(point, float).tolist()
+def _point(position: Float64) -> Point:
+    x, y, z = np.asarray(position, float).tolist()
     return x, y, z
 
 
 def person(build: Builder) -> None:
-    between, width = build.between, build.between(0.08, 0.2)
-    torso = build.part(None, capsule((0, 0.45, 0), (0, 0.7, 0), width, width * between(0.8, 1.2)))
+    between = build.between
+    width, torso = between(0.08, 0.2), build.part(None)
+    build.add(torso, capsule((0, 0.45, 0), (0, 0.7, 0), width, width * between(0.8, 1.2)))
     if build.chance(0.5):
-        build.extend(torso, ellipsoid((0, between(0.45, 0.6), between(0, 0.05)), (1.1 * width, width, 0.9 * width)))
+        place = (0, between(0.45, 0.6), between(0, 0.05))
+        build.add(torso, ellipsoid(place, (width * 1.1, width, width * between(0.8, 1.2))))
     neck = torso
     if build.chance(0.6):
-        neck = build.part(torso, capsule((0, 0.75, 0), (0, 0.82 + 0.5 * width, 0), width * between(0.3, 0.5)))
-    build.head(neck, (0, 0.78 + 0.6 * width, 0), between(0.07, 0.14))
-    thick = max(width * between(0.25, 0.45), 0.02)
-    build.hand(*build.limb(torso, (0.9 * width, 0.7, 0), (1, between(-1.2, 0.3), 0.1), between(0.25, 0.45), thick))
-    thick = max(width * between(0.3, 0.55), 0.025)
-    start, along = (0.55 * width, 0.42, 0), (between(0, 0.3), -1, between(-0.1, 0.1))
-    build.foot(*build.limb(torso, start, along, between(0.25, 0.42), thick, spread=0.08))
+        neck = build.part(torso)
+        build.add(neck, capsule((0, 0.75, 0), (0, 0.82 + width * 0.5, 0), width * between(0.3, 0.5)))
+    build.head(neck, (0, 0.78 + width * 0.6, 0), between(0.07, 0.14))
+    thick, along = width * between(0.25, 0.45), (1, between(-1.2, 0.3), between(-0.2, 0.5))
+    build.hand(*build.limb(torso, (width * 0.9, 0.7, 0), along, between(0.25, 0.45), max(thick, 0.02)))
+    thick, along = width * between(0.3, 0.55), (between(0, 0.3), -1, between(-0.1, 0.1))
+    start, length = (width * 0.55, 0.42, 0), between(0.25, 0.42)
+    build.foot(*build.limb(torso, start, along, length, max(thick, 0.025), spread=0.15))
     if build.chance(0.3):
-        start, along = (0, 0.45, -0.8 * width), (0, between(-0.6, 0.6), -1)
-        build.limb(torso, start, along, between(0.15, 0.4), 0.3 * width, paired=False)
+        start, along = (0, 0.45, -width * 0.8), (0, between(-0.6, 0.6), -1)
+        build.limb(torso, start, along, between(0.15, 0.4), width * 0.3, paired=False)
     if build.chance(0.25):
-        wing = ellipsoid((width + 0.18, 0.68, -0.08), (between(0.15, 0.22), between(0.05, 0.12), 0.015))
-        build.part(torso, wing, paired=True, smooth=0.5)
+        wing, radii = build.part(torso), (between(0.15, 0.22), between(0.05, 0.12), 0.015)
+        shape = ellipsoid((width + 0.18, 0.68, -0.08), radii, roll=between(-0.3, 0.3))
+        build.add(wing, shape, paired=True, smooth=0.5)
 
 
 def animal(build: Builder) -> None:
-    between, width, half = build.between, build.between(0.08, 0.17), build.between(0.15, 0.3)
-    torso = build.part(None, capsule((0, 0.5, -half), (0, 0.52, half), width * between(0.8, 1.2), width))
-    end = (0, 0.52 + 0.5 * width + between(0.1, 0.25), half + between(0.04, 0.2))
-    neck = build.part(torso, capsule((0, 0.55, half), end, width * between(0.5, 0.7), width * between(0.4, 0.6)))
+    between = build.between
+    width, half, torso = between(0.08, 0.17), between(0.15, 0.3), build.part(None)
+    build.add(torso, capsule((0, 0.5, -half), (0, 0.52, half), width * between(0.8, 1.2), width))
+    neck, rise = build.part(torso), between(0.2, 1.0)
+    end = (0.0, 0.52 + width * 0.5 + between(0.1, 0.25), half + rise * 0.2)
+    build.add(neck, capsule((0, 0.55, half), end, width * between(0.5, 0.7), width * between(0.4, 0.6)))
     build.head(neck, end, between(0.06, 0.11))
-    for place in (0.9 * half, -0.9 * half):
-        start, along = (0.6 * width, 0.46, place), (between(0, 0.2), -1, 0)
-        thick = max(width * between(0.25, 0.5), 0.022)
-        build.foot(*build.limb(torso, start, along, between(0.3, 0.42), thick, spread=0.06))
+    for place in (half * 0.9, -half * 0.9):
+        start, along = (width * 0.6, 0.46, place), (between(0, 0.2), -1, 0)
+        length, thick = between(0.3, 0.42), max(width * between(0.25, 0.5), 0.022)
+        build.foot(*build.limb(torso, start, along, length, thick, spread=0.12))
     if build.chance(0.8):
-        start, along = (0, 0.55, -half - 0.7 * width), (0, between(-1, 1), -1)
+        start, along = (0, 0.55, -half - width * 0.7), (0, between(-1, 1), -1)
         build.limb(torso, start, along, between(0.12, 0.4), width * between(0.15, 0.35), paired=False)
 
 
 def insect(build: Builder) -> None:
-    between, width, place = build.between, build.between(0.06, 0.14), 0.25
-    first = above = None
-    for _ in range(int(build.random.integers(1, 4))):
-        size = width * between(0.6, 1.4)
-        body = ellipsoid((0, 0.4, place), (size, size * between(0.7, 1.1), size * between(1, 1.8)))
-        above = build.part(above, body)
-        first, place = first or above, place - 2.2 * size
-    assert first is not None
+    between, place = build.between, 0.25
+    width, count = between(0.06, 0.14), int(build.random.integers(1, 4))
+    above, bodies = None, []
+    for _ in range(count):
+        above, size = build.part(above), width * between(0.6, 1.4)
+        radii = (size, size * between(0.7, 1.1), size * between(1, 1.8))
+        build.add(above, ellipsoid((0, 0.4, place), radii))
+        bodies.append(above)
+        place -= size * 2.2
     pairs = int(build.random.integers(2, 5))
     for number in range(pairs):
-        start, along = (0.7 * width, 0.4, 0.3 - 0.5 * number / pairs), (1, between(-0.6, 0.4), between(-0.4, 0.4))
-        segments = int(build.random.integers(1, 3))
-        build.limb(first, start, along, between(0.15, 0.35), between(0.012, 0.035), segments=segments)
+        start, along = (width * 0.7, 0.4, 0.3 - 0.5 * number / pairs), (1, between(-0.6, 0.4), between(-0.4, 0.4))
+        length, thick = between(0.15, 0.35), between(0.012, 0.035)
+        build.limb(bodies[0], start, along, length, thick, segments=int(build.random.integers(1, 3)))
     if build.chance(0.6):
-        build.limb(first, (0.4 * width, 0.45, 0.3), (0.4, 0.7, 0.8), between(0.1, 0.25), 0.013, segments=1)
+        build.limb(bodies[0], (width * 0.4, 0.45, 0.3), (0.4, 0.7, 0.8), between(0.1, 0.25), 0.013, segments=1)
     if build.chance(0.5):
-        fin = ellipsoid((0, 0.4 + 1.2 * width, 0.1), (0.014, width * between(0.5, 1), width * between(0.5, 1.2)))
-        build.part(first, fin, smooth=0.5)
+        fin, radii = build.part(bodies[0]), (0.014, width * between(0.5, 1), width * between(0.5, 1.2))
+        build.add(fin, ellipsoid((0, 0.4 + width * 1.2, 0.1), radii), smooth=0.5)
     if build.chance(0.4):
-        wing = ellipsoid((width + 0.14, 0.45, 0.1), (between(0.12, 0.2), 0.014, between(0.05, 0.12)))
-        build.part(first, wing, paired=True, smooth=0.5)
+        wing, radii = build.part(bodies[0]), (between(0.12, 0.2), 0.014, between(0.05, 0.12))
+        build.add(wing, ellipsoid((width + 0.14, 0.45, 0.1), radii), paired=True, smooth=0.5)
 
 
 def furniture(build: Builder) -> None:
-    between, build.blend = build.between, min(build.blend, 0.025)
+    between = build.between
     width, depth, height, thick = between(0.2, 0.36), between(0.2, 0.5), between(0.3, 0.5), between(0.02, 0.05)
-    seat = build.part(None, rounded_box((0, height, 0), (width, thick, depth), 0.5 * thick))
-    for place in (0.8 * depth, -0.8 * depth):
-        start, along = (0.85 * width, height - 0.5 * thick, place), (between(0, 0.2), -1, 0)
-        build.limb(seat, start, along, height - thick, between(0.018, 0.04), segments=1)
-    back, tall = -0.9 * depth, between(0.2, 0.4)
-    if build.chance(0.3):
-        build.part(seat, rounded_box((0, height + 0.55 * tall, back), (0.95 * width, 0.5 * tall, 0.024), 0.012))
-    elif build.chance(0.5):
-        rail = build.part(seat, rounded_box((0, height + tall, back), (0.95 * width, 0.03, 0.022), 0.015))
-        count = int(build.random.integers(1, 3))
-        for number in range(count):
-            x = 0.85 * width * (number + 0.5) / count
-            slat = capsule((x, height, back), (x, height + tall, back), between(0.014, 0.025))
-            build.part(rail, slat, paired=True)
+    seat = build.part(None)
+    build.add(seat, rounded_box((0, height, 0), (width, thick, depth), thick * 0.5))
+    build.blend = min(build.blend, 0.025)
+    for place in (depth * 0.8, -depth * 0.8):
+        start, along = (width * 0.85, height - thick * 0.5, place), (between(0, 0.2), -1, 0)
+        build.limb(seat, start, along, height - thick, between(0.018, 0.04), segments=1, spread=0)
+    back = -depth * 0.9
+    if build.chance(0.6):
+        tall = between(0.2, 0.4)
+        if build.chance(0.5):
+            panel, half = build.part(seat), (width * 0.95, tall * 0.5, between(0.018, 0.03))
+            build.add(panel, rounded_box((0, height + tall * 0.55, back), half, 0.012))
+        else:
+            rail = build.part(seat)
+            build.add(rail, rounded_box((0, height + tall, back), (width * 0.95, 0.03, 0.022), 0.015))
+            for number in range(int(build.random.integers(1, 3))):
+                slat, x = build.part(rail), width * 0.85 * (number + 0.5) / 2
+                rod = capsule((x, height, back), (x, height + tall, back), between(0.014, 0.025))
+                build.add(slat, rod, paired=True)
     if build.chance(0.4):
-        side, top, front = 0.95 * width, height + 0.14, 0.6 * depth
-        rest = capsule((side, top, -0.8 * depth), (side, top, front), 0.022)
-        build.part(seat, rest, capsule((side, height, front), (side, top, front), 0.02), paired=True)
+        rest, side, top, front = build.part(seat), width * 0.95, height + 0.14, depth * 0.6
+        build.add(rest, capsule((side, top, -depth * 0.8), (side, top, front), 0.022), paired=True)
+        build.add(rest, capsule((side, height, front), (side, top, front), 0.02), paired=True)
 
 
 def vessel(build: Builder) -> None:
-    between, width = build.between, build.between(0.15, 0.28)
-    body = build.part(None, capsule((0, 0.3, 0), (0, 0.3 + between(0.1, 0.4), 0), width, width * between(0.6, 1.2)))
+    between, body = build.between, build.part(None)
+    width = between(0.15, 0.28)
+    top = (0, 0.3 + between(0.1, 0.4), 0)
+    build.add(body, capsule((0, 0.3, 0), top, width, width * between(0.6, 1.2)))
     if build.chance(0.6):
-        points = [(0, 0.35, 0.8 * width), (0, 0.4, width + 0.12), (0, 0.55, width + 0.13), (0, 0.62, 0.7 * width)]
-        build.part(body, *chain(points, [0.022, 0.024, 0.024, 0.022]))
+        handle = build.part(body)
+        points = [(0, 0.35, width * 0.8), (0, 0.4, width + 0.12), (0, 0.55, width + 0.13), (0, 0.62, width * 0.7)]
+        for rod in chain(points, [0.022, 0.024, 0.024, 0.022]):
+            build.add(handle, rod)
     if build.chance(0.4):
-        thick = between(0.03, 0.05)
-        build.limb(body, (0, 0.4, -0.8 * width), (0, 0.7, -1), between(0.15, 0.3), thick, paired=False, segments=1)
+        length, thick = between(0.15, 0.3), between(0.03, 0.05)
+        build.limb(body, (0, 0.4, -width * 0.8), (0, 0.7, -1), length, thick, paired=False, segments=1)
     if build.chance(0.5):
-        radii = width * between(0.2, 0.5), width * between(0.25, 0.6)
-        neck = build.part(body, capsule((0, 0.6, 0), (0, 0.85, 0), *radii))
+        neck = build.part(body)
+        build.add(neck, capsule((0, 0.6, 0), (0, 0.85, 0), width * between(0.2, 0.5), width * between(0.25, 0.6)))
         if build.chance(0.5):
-            build.part(neck, ellipsoid((0, 0.93, 0), (0.3 * width,) * 3), smooth=0.5)
+            build.add(build.part(neck), ellipsoid((0, 0.93, 0), (width * 0.3,) * 3), smooth=0.5)
     if build.chance(0.5):
-        disk = width * between(0.6, 1.2)
-        stem = capsule((0, 0.1, 0), (0, 0.25, 0), width * between(0.2, 0.5))
-        build.part(body, rounded_box((0, 0.08, 0), (disk, 0.025, disk), 0.02), stem)
+        base, half = build.part(body), (width * between(0.6, 1.2), 0.025, width * between(0.6, 1.2))
+        build.add(base, rounded_box((0, 0.08, 0), half, 0.02))
+        build.add(base, capsule((0, 0.1, 0), (0, 0.25, 0), width * between(0.2, 0.5)))
     if build.chance(0.3):
-        build.limb(body, (0.6 * width, 0.3, 0.5 * width), (0.3, -1, 0.2), 0.28, 0.03, segments=1)
+        build.limb(body, (width * 0.6, 0.3, width * 0.5), (0.3, -1, 0.2), 0.28, 0.03, segments=1)
 
 
 KINDS = (person, animal, insect, furniture, vessel)
