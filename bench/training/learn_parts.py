@@ -5,6 +5,7 @@ large ones: a lesson draws a part, and then a place on this part by area. The we
 probabilities of the candidates and a softmax of their IoU. `python -m bench.training.learn_parts` writes the weights.
 """
 
+import argparse
 import json
 import os
 import sys
@@ -96,8 +97,11 @@ def learn(lessons: Sequence[Place]) -> Float64:
     return weights.detach().numpy() / spread
 
 
-def main() -> None:
-    """Learn from the generated shapes, and write the weights into the package."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Learn from the generated shapes, and write the weights."""
+    parser = argparse.ArgumentParser("python -m bench.training.learn_parts", description=__doc__)
+    parser.add_argument("--output", type=Path, help="file to write; by default, the file that dfd loads")
+    given = parser.parse_args(arguments)
     os.environ["HF_HUB_OFFLINE"] = "1"
     lessons: list[Place] = []
     for number in range(SHAPES):
@@ -106,7 +110,7 @@ def main() -> None:
         tree = tree_of(shape.mesh, dfd.distill(shape.mesh, progress=False))
         lessons += places(shape.mesh, tree, shape.parts, number)
     weights = {name: round(float(weight), 3) for name, weight in zip(CUES, learn(lessons), strict=True)}
-    path = Path(dfd.segmentation.__file__).with_name("part_weights.json")
+    path = given.output or Path(dfd.segmentation.__file__).with_name("part_weights.json")
     write_text(path, json.dumps({"weights": weights}, ensure_ascii=False, indent=2) + "\n")
     print(path)
 
