@@ -47,7 +47,6 @@ SIGNS: dict[type[ast.cmpop], str] = {
 NAMED = [
     ("geometry/part_axis.py", " * rise * rise * (3 - 2 * rise)", ""),
     ("geometry/part_axis.py", "(gradient * center).sum(axis=1), gradient]", "0 * center[:, 0], 0 * gradient]"),
-    ("mesh/file/write.py", "new[inward] *= -1", "pass"),
     ("upright/find_up.py", "UNALIGNED_PRIOR = 0.5", "UNALIGNED_PRIOR = 0.0"),
     ("upright/find_up.py", "of_axes[parallel[first]].sum()", "of_axes[first]"),
 ]

@@ -390,7 +390,7 @@ class Deformer(History):
         self._start(edit)
 
     def continue_from(self, other: Deformer) -> None:
-        """Take over the edit and the history of another session of the same mesh, which may have another field."""
+        """Take over the edit and the history of `other`, a session of the same mesh that may have another field."""
         self._states, self._now, self._next_id = other._states, other._now, other._next_id
 
     @public

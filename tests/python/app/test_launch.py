@@ -39,7 +39,7 @@ def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, 
         (["--field", __file__], "MESH must be given"),
         ([__file__, "--sample", "chair"], "`--sample` must not be given with MESH"),
         (["--sample", "sofa"], "no sample 'sofa'"),
-        ([], "npm ci && npm run build"),
+        ([], "install Node (20 or newer)"),
     ],
 )
 def test_what_cannot_be_opened_is_said_in_one_line(
