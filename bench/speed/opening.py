@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import dfd
-from bench.tables import to_markdown
 
 SIZES = (10_000, 100_000, 1_500_000)  # faces
 COLUMNS = ("mesh", "grabbable", "first color", "learned", "prepared", "next color", "click")
@@ -89,6 +88,8 @@ def seconds(faces: int) -> dict[str, float]:
 
 def main() -> None:
     """Measure all sizes and print a table."""
+    from bench.tables import to_markdown  # asv imports this module from another folder
+
     parser = argparse.ArgumentParser(prog="python -m bench.speed.opening", description=__doc__)
     parser.add_argument("--faces", type=int, nargs="+", default=SIZES, help="default: %(default)s")
     rows = [seconds(faces) for faces in parser.parse_args().faces]
