@@ -107,9 +107,6 @@ class HandleWeights:
         lowest, highest = self.parts.levels(vertex)
         level = min(max(level, lowest), highest)
         component = self.parts.components(vertex, level)
-        if component is None and level == 0 and lowest < 0 < highest:
-            level = -1  # the borders are unclear, so the smallest region moves
-            component = self.parts.components(vertex, level)
         if component is None:
             return None
         region = None
@@ -133,9 +130,7 @@ class HandleWeights:
 
         Counterparts are not searched, so this is fast enough to show the part under the pointer.
         """
-        component, (lowest, highest) = self.parts.components(vertex, level), self.parts.levels(vertex)
-        if component is None and level == 0 and lowest < 0 < highest:
-            component = self.parts.components(vertex, -1)
+        component = self.parts.components(vertex, level)
         if component is None:
             return None
         held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, _never, tuple)
