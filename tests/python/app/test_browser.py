@@ -26,8 +26,9 @@ MINUTES = 10
 
 
 @pytest.fixture
-def start_page(shape: Shape) -> Iterator[RunningApp]:
+def start_page(shape: Shape, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningApp]:
     """Return a server without a mesh, because the scripts open one."""
+    monkeypatch.setenv("DFD_DATA", str(tmp_path / "data"))  # so that no story finds the edits of another
     settings = {**shape.settings, "cache": False}
     running = RunningApp(SessionOptions(encoder=str(shape.encoder), distill=settings))
     running.start()

@@ -17,31 +17,45 @@ before(async () => {
 
 after(() => browser?.close());
 
-for (const viewport of SIZES) {
-  for (const colorScheme of ["light", "dark"]) {
-    const size = `${viewport.width}x${viewport.height}-${colorScheme}`;
-    test(`pictures at ${size}`, { timeout: 2 * PATIENCE }, async () => {
-      const { context, page, problems } = await openTab(browser, { viewport, colorScheme });
-      await shot(page, `${size}-start`);
-      await openShape(page);
-      await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
-      await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
-      await page.mouse.move(4, viewport.height - 4);
-      for (const look of ["texture", "clay", "features", "heat"]) {
-        await page.evaluate((name) => window.dfd.store.set({ look: name }), look);
-        await page.waitForTimeout(300);
-        const seen = await drawn(page);
-        assert.ok(seen.covered > 0.03 && seen.shades > 50, `${look} is blank: ${JSON.stringify(seen)}`);
-        await shot(page, `${size}-${look}`);
-      }
-      await page.evaluate(() => window.dfd.store.set({ look: "clay", wireframe: true, timeline: true }));
-      await page.waitForTimeout(500);
-      await shot(page, `${size}-wireframe`);
-      await page.keyboard.press("?");
-      await page.waitForTimeout(300);
-      await shot(page, `${size}-keys`);
-      assert.deepEqual(problems, []);
-      await context.close();
-    });
-  }
+/** Show the page in a size and a theme. Return the beginning of the names of its pictures. */
+async function resize(page, viewport, colorScheme) {
+  await page.setViewportSize(viewport);
+  await page.emulateMedia({ colorScheme });
+  await page.waitForTimeout(300);
+  return `${viewport.width}x${viewport.height}-${colorScheme}`;
 }
+
+const LOOKS = SIZES.flatMap((viewport) => ["light", "dark"].map((scheme) => [viewport, scheme]));
+
+test("pictures of every size and theme", { timeout: 6 * PATIENCE }, async () => {
+  const { context, page, problems } = await openTab(browser, { viewport: SIZES[0] });
+  for (const [viewport, scheme] of LOOKS) {
+    const size = await resize(page, viewport, scheme);
+    await shot(page, `${size}-start`);
+  }
+  await resize(page, SIZES[0], "light");
+  await openShape(page);
+  await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
+  await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
+  for (const [viewport, scheme] of LOOKS) {
+    const size = await resize(page, viewport, scheme);
+    await page.mouse.move(4, viewport.height - 4);
+    await page.evaluate(() => window.dfd.store.set({ wireframe: false, timeline: false }));
+    for (const look of ["texture", "clay", "features", "heat"]) {
+      await page.evaluate((name) => window.dfd.store.set({ look: name }), look);
+      await page.waitForTimeout(300);
+      const seen = await drawn(page);
+      assert.ok(seen.covered > 0.03 && seen.shades > 50, `${look} is blank: ${JSON.stringify(seen)}`);
+      await shot(page, `${size}-${look}`);
+    }
+    await page.evaluate(() => window.dfd.store.set({ look: "clay", wireframe: true, timeline: true }));
+    await page.waitForTimeout(500);
+    await shot(page, `${size}-wireframe`);
+    await page.keyboard.press("?");
+    await page.waitForTimeout(300);
+    await shot(page, `${size}-keys`);
+    await page.keyboard.press("Escape");
+  }
+  assert.deepEqual(problems, []);
+  await context.close();
+});
