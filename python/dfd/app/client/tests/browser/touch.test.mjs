@@ -69,6 +69,7 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   await assertApart();
   assert.equal(await page.locator(".toolbar").count(), 0);
   await page.getByRole("button", { name: "Menu" }).tap();
+  await page.getByRole("menuitem").first().waitFor();
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
     assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
   await shot(page, "phone_menu");
