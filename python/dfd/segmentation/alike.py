@@ -34,14 +34,16 @@ def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
         if _apart(own, _measures(tree, component)) < 1:
             take(component)
     if strength(tree, core) > CLEAR:  # regions without a clear border resemble each other everywhere
-        for component in _resembling(tree, core, taken):
+        for component in _resembling(tree, core, own, taken):
             take(component)
     return found
 
 
-def _resembling(tree: Tree, core: Bool, taken: Bool) -> list[Bool]:
-    """Return the components (P,) of tree nodes outside `taken` that look like `core` (P,), the most similar first."""
-    own = _measures(tree, core)
+def _resembling(tree: Tree, core: Bool, own: Float64, taken: Bool) -> list[Bool]:
+    """Return the components (P,) of tree nodes outside `taken` that look like `core` (P,), the most similar first.
+
+    `own` are the `_measures` of `core`.
+    """
     mean, around = tree.mean(core), tree.around(core)
     contrast = float(np.linalg.norm(mean - tree.mean(around))) if around.any() else 0.0
     looks = np.square(np.linalg.norm(tree.means - mean, axis=1) / max(APART * contrast, 1e-9))

@@ -1,7 +1,7 @@
 """Choose the part that a person means at a place, and its ladder of smaller and larger parts.
 
 A candidate is a connected region at the place: the component of a tree node, alone or with the regions that only it
-connects to the rest of the shape (`closed`). Six cues say how well its border separates it from its surroundings. A
+connects to the rest of the shape (`closed`). Seven cues say how well its border separates it from its surroundings. A
 softmax of a linear function of these cues gives the probability that a person means the candidate. Its weights are
 learned (`bench.training.learn_parts`). The part is the candidate with the largest expected IoU (intersection over union
 of areas) with the part that the person means.

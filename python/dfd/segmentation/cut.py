@@ -8,9 +8,7 @@ from dfd.segmentation.alike import alike
 from dfd.segmentation.choose import candidates, ladder
 from dfd.segmentation.tree import Tree
 
-HANDLES = (
-    128  # number of patches at which a part is found; the first orbits of farthest-point sampling are spread evenly
-)
+HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
 

@@ -102,7 +102,7 @@ class Parts:
     def cut(self) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 
-        Counterparts belong to the same part. The parts are those with the clearest borders.
+        Counterparts belong to the same part. The parts are those that handles hold at places all over the surface.
 
         Raises ValueError if no face has an area above 0.
         """
@@ -119,7 +119,8 @@ class Parts:
             if mask.any():
                 depth = patches.borders.depth(inside)
                 deepest = np.where(inside & np.isfinite(depth), depth, -1.0).argmax()
-                vertex = int(np.flatnonzero(mask & (patches.of_vertex == deepest))[:1].sum() or mask.argmax())
+                inner = mask & (patches.of_vertex == deepest)
+                vertex = int((inner if inner.any() else mask).argmax())
                 found.append(Part(mask, float(patches.area @ inside), self._count(inside), vertex))
         return sorted(found, key=lambda each: -each.share)
 

@@ -135,8 +135,8 @@ class Patches:
         mirrors = [self._mirror(plane) for plane in _commuting(planes)]
         mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
-        seeds, self.orbit = _orbits(places, area, self.spacing, mirrors)
-        of_seed = _symmetric(_nearest_seed(graph, seeds, center), center, seeds, mirrors)
+        seeds, self.orbit = _orbits(places, tree, area, self.spacing, mirrors)
+        of_seed = _symmetric(_nearest_seed(graph, seeds, center), tree, center[seeds], mirrors)
         used, self.of_place = np.unique(of_seed, return_inverse=True)
         self.orbit = np.unique(self.orbit[used], return_inverse=True)[1]
         count = len(used)
@@ -146,7 +146,7 @@ class Patches:
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_place, normal, count) / (self.area * weight.sum())[:, None]
         self.borders = Borders(*_contracted(self.of_place, pairs, length, count), self.center, mean_normal)
-        nearest = cKDTree(center).query((nodes.center[self.place < 0] - self._middle) / size)[1]
+        nearest = tree.query((nodes.center[self.place < 0] - self._middle) / size)[1]
         self.of_node = self.of_place[self.place]
         self.of_node[self.place < 0] = self.of_place[nearest]
         self.of_vertex = self.of_node[nodes.of_vertex]
@@ -286,10 +286,13 @@ def _mapped(mirror: Mirror, tree: cKDTree, area: Float64, spacing: float) -> flo
     return float(area[np.isfinite(apart)].sum() / area.sum())
 
 
-def _orbits(places: Float64, area: Float64, spacing: float, mirrors: Sequence[Mirror]) -> tuple[Int64, Int64]:
+def _orbits(
+    places: Float64, tree: cKDTree, area: Float64, spacing: float, mirrors: Sequence[Mirror]
+) -> tuple[Int64, Int64]:
     """Return the seeds (P,) of patches, which are indices of `places` (M, 6), and the orbit (P,) of each seed.
 
-    Farthest-point sampling chooses seeds on one side of all planes. Their mirror images are the other seeds.
+    Farthest-point sampling chooses seeds on one side of all planes. Their mirror images are the other seeds. `tree` is
+    the search tree of the positions of the places.
     """
     center, near = places[:, :3], NEAR * spacing
     half = np.ones(len(places), bool)
@@ -299,7 +302,7 @@ def _orbits(places: Float64, area: Float64, spacing: float, mirrors: Sequence[Mi
     middle = (area @ center) / area.sum()
     start = int(_rounded(np.linalg.norm(center[own] - middle, axis=1)).argmin())
     chosen = own[_farthest_points(places[own], [start], near, MOST >> len(mirrors))]
-    tree, of_seed = cKDTree(center), dict[int, int]()
+    of_seed: dict[int, int] = {}
     for orbit, seed in enumerate(chosen.tolist()):
         images = [center[seed]]
         for mirror in mirrors:
@@ -316,13 +319,16 @@ def _orbits(places: Float64, area: Float64, spacing: float, mirrors: Sequence[Mi
     return np.array(list(of_seed)), np.unique(list(of_seed.values()), return_inverse=True)[1]
 
 
-def _symmetric(patch: Int64, center: Float64, seeds: Int64, mirrors: Sequence[Mirror]) -> Int64:
-    """Return `patch` (M,), the patch of each place, made symmetric where the places are exact mirror images."""
-    tree, of_seed = cKDTree(center), cKDTree(center[seeds])
+def _symmetric(patch: Int64, tree: cKDTree, seeds: Float64, mirrors: Sequence[Mirror]) -> Int64:
+    """Return `patch` (M,), the patch of each place, made symmetric where the places are exact mirror images.
+
+    `tree` is the search tree of the positions of the places, and `seeds` (P, 3) are the positions of the seeds.
+    """
+    center, of_seed = np.asarray(tree.data), cKDTree(seeds)
     for mirror in mirrors:
         below = np.flatnonzero(mirror.height(center) < 0)
         apart, image = tree.query(mirror.image(center[below]))
-        offset, mate = of_seed.query(mirror.image(center[seeds]))
+        offset, mate = of_seed.query(mirror.image(seeds))
         exact = (apart < SAME) & (offset[patch[image]] < SAME)
         patch[below[exact]] = mate[patch[image[exact]]]
     return patch
