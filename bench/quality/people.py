@@ -9,7 +9,7 @@ or with everything that it cuts off from the largest rest of the surface, whiche
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -128,7 +128,7 @@ def _places(shape: PeopleShape, areas: Float64) -> Iterator[Place]:
         face = int(generator.choice(np.flatnonzero(flat), p=areas[flat] / areas[flat].sum()))
         place = Place(face, flat, _closed(flat, areas, beside), 0.0)
         others = [place.iou(areas, each == each[face]) for i, each in enumerate(people) if i != person]
-        yield Place(face, flat, place.closed, float(np.mean(others)))
+        yield replace(place, others=float(np.mean(others)))
 
 
 def _neighbors(mesh: dfd.Mesh) -> csr_array:

@@ -133,17 +133,15 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
 
 def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
     """Return the fields of `HandleReport` that describe the part of a handle; none if it moves no part."""
-    held = weights.held(edit, handle)
     if handle.controls.reach != "part":
         return {}
+    held = weights.held(edit, handle)
     lowest, highest = weights.parts.levels(weights.rows.anchor(handle.place))
     if held is None:
         return {"levels": (lowest, highest), "note": "with weights by features, because it lies on no part"}
     asked, notes = handle.controls.level, []
     if not lowest <= asked <= highest:
         notes.append(f"because level {asked} does not exist")
-    elif held.level != asked:
-        notes.append("because no part here has a clear border")
     if handle.transform.bends and (parts := weights.bendable_parts(edit, handle)) and not parts[0].slender:
         level = weights.level_with_axis(edit, handle)
         instead = "" if level is None else f" (level {level} has one)"

@@ -53,7 +53,7 @@ class Holding:
     """The part at a place, at rest: the component at the place, then the others by decreasing similarity."""
 
     components: tuple[Component, ...]
-    level: int  # the level of the part; differs from the asked level if no part was found there
+    level: int  # the asked level, or the nearest one that exists
     _nodes: Nodes
     _component: Int64  # (N,) component of each mesh node; −1 outside the part
     _diagonal: float
