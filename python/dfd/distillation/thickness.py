@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Float32, Float64, Int32, unit
 from dfd.distillation.targets import PointTargets
 from dfd.field.component_residuals import apart
+from dfd.geometry.topology import lowest_first
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
@@ -41,7 +42,8 @@ def thickness_bands(views: Views, targets: PointTargets) -> Float32:
     points, component = targets.points.astype(np.float64), targets.component
     # The scene of the views is reused, because building its search tree takes a second for a million faces.
     scene = views.scene or Scene(views.vertices, views.faces)
-    thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
+    corners = lowest_first(views.vertices, views.faces[targets.face])
+    thick = thicknesses(scene, views.vertices[corners], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
     ratio = np.log(np.clip(thick / max(size, 1e-12), np.exp(_CENTERS[0]), np.exp(_CENTERS[-1])))
     width = _CENTERS[1] - _CENTERS[0]

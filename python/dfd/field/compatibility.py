@@ -108,8 +108,8 @@ def _samples(mesh: Mesh) -> tuple[Float64 | None, float]:
     areas = face_areas(mesh.vertices, mesh.faces)
     if not areas.any():
         return None, 0.0
-    face, barycentric = even_points(areas, SAMPLES)
-    points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[mesh.faces[face]])
+    corners, barycentric = even_points(mesh.vertices, mesh.faces, SAMPLES)
+    points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[corners])
     return points, 1.5 * float(np.sqrt(areas.sum() / SAMPLES))
 
 

@@ -239,12 +239,11 @@ class PartAxes:
         from the base, divided by the largest. In each round, a point of the curve is fitted to the samples with similar
         parameters. Projection of the samples onto the curve then gives their new parameters.
         """
-        areas = face_areas(self._mesh.vertices, faces)
-        if not areas.sum() > 0:
+        if not face_areas(self._mesh.vertices, faces).sum() > 0:
             return None
-        face, barycentric = even_points(areas, SAMPLES)
-        corners = number[self._nodes.of_vertex[faces[face]]]
-        points = np.einsum("nk,nkd->nd", barycentric, self._mesh.vertices[faces[face]])
+        of_corner, barycentric = even_points(self._mesh.vertices, faces, SAMPLES)
+        corners = number[self._nodes.of_vertex[of_corner]]
+        points = np.einsum("nk,nkd->nd", barycentric, self._mesh.vertices[of_corner])
         start = (barycentric * away[corners]).sum(axis=1) / away.max()
         parameter, width = start, WIDTH
         own_level = away / away.max()

@@ -17,6 +17,15 @@ from dfd.common.weld import weld
 if TYPE_CHECKING:  # `dfd.mesh.mesh` imports all mesh readers, which takes time
     from dfd.mesh.mesh import Mesh
 
+_CELLS = (1 << 21) // 3  # number of cells of a Z-order curve along each axis: the sum of three cells has 21 bits
+_SPREADING = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
+
 
 @dataclass(frozen=True)
 class Topology:
@@ -125,11 +134,62 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
     return _three_corners(faces) & large
 
 
-def even_points(areas: Float64, count: int) -> tuple[Int64, Float32]:
-    """Spread points evenly on faces with `areas` (F,). Return their faces (count,) and barycentric rows (count, 3)."""
+def by_position(vertices: NDArray[np.floating], faces: Int32) -> tuple[Int32, Int64]:
+    """Return the distinct `faces` (N, 3) in an order that positions decide, and the index (N,) of each in `faces`.
+
+    The faces follow a Z-order curve (Morton 1966) through their centers, and start at their lowest corners. So samples
+    of a surface depend neither on the order of vertices and faces in a file, nor on repeated faces.
+    """
+    cell = _cells(vertices, faces)
+    key, turned = _key(cell), lowest_first(vertices, faces)
+    across, up, front = cell[faces].sum(axis=1).T
+    code = _spread(across) | _spread(up) << 1 | _spread(front) << 2
+    ends = np.sort(key[turned[:, 1:]], axis=1)
+    order = np.lexsort((key[turned[:, 1]], *ends.T, code))
+    turned = turned[order]
+    near = np.flatnonzero((np.diff(code[order]) == 0) & ~np.diff(ends[order], axis=0).any(axis=1))
+    one, other = vertices[turned[near]], vertices[turned[near + 1]]
+    same = (one == other).all(axis=(1, 2)) | (one == other[:, [0, 2, 1]]).all(axis=(1, 2))
+    kept = np.ones(len(turned), bool)
+    kept[near[same] + 1] = False
+    return turned[kept], order[kept]
+
+
+def lowest_first(vertices: NDArray[np.floating], faces: Int32) -> Int32:
+    """Return `faces` (F, 3), turned so that each starts at its lowest corner: by x, then y, then z."""
+    start = _key(_cells(vertices, faces))[faces].argmin(axis=1)
+    return np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, axis=1)
+
+
+def _cells(vertices: NDArray[np.floating], faces: Int32) -> Int64:
+    """Return the cell (V, 3) of each vertex in a cubic grid around `faces`."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    low, high = vertices[used].min(axis=0).astype(np.float64), vertices[used].max(axis=0)
+    size = float((high - low).max()) or 1.0
+    return np.rint((vertices - low).clip(0, size) / size * _CELLS).astype(np.int64)
+
+
+def _key(cell: Int64) -> Int64:
+    """Return a number (V,) for each `cell` (V, 3), in the order of x, then y, then z."""
+    return np.asarray((cell << [42, 21, 0]).sum(axis=1))
+
+
+def _spread(values: Int64) -> Int64:
+    """Return whole numbers (N,) of 21 bits with two zeros between each bit and the next."""
+    for shift, mask in _SPREADING:
+        values = (values | (values << shift)) & mask
+    return values
+
+
+def even_points(vertices: NDArray[np.floating], faces: Int32, count: int) -> tuple[Int32, Float32]:
+    """Spread points evenly on `faces` (F, 3). Return the corners (count, 3) of their faces, and barycentric rows."""
+    faces = by_position(vertices, faces)[0]
+    areas = face_areas(vertices, faces)
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
-    return points_on_faces(np.bincount(hit, minlength=len(areas)))
+    face, barycentric = points_on_faces(np.bincount(hit, minlength=len(areas)))
+    return faces[face], barycentric
 
 
 def sample_surface(
@@ -137,15 +197,17 @@ def sample_surface(
 ) -> tuple[Float64, Int64]:
     """Return random surface samples (count, 3), uniform by area, and the face (count,) of each sample.
 
-    Samples are stratified: the faces, in order, are divided into `count` intervals of equal area with one sample each.
+    Samples are stratified: the faces, in the order of `by_position`, are divided into `count` intervals of equal area
+    with one sample each.
     """
+    faces, order = by_position(vertices, faces)
     total = np.cumsum(face_areas(vertices, faces))
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
     face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
     u, v = generator.random((2, count))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     first, second, third = vertices[faces[face]].astype(np.float64).transpose(1, 0, 2)
-    return first + u[:, None] * (second - first) + v[:, None] * (third - first), face
+    return first + u[:, None] * (second - first) + v[:, None] * (third - first), order[face]
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:

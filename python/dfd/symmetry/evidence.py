@@ -78,13 +78,11 @@ def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
 
 def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
     """Return surface samples (N, 3) and unit normals (N, 3), or vertices and normals of 0 if no face has an area."""
-    areas = face_areas(vertices, faces)
-    if areas.sum() == 0:
+    if face_areas(vertices, faces).sum() == 0:
         chosen = np.unique(faces)[:: max(1, len(vertices) // POINTS)]
         return vertices[chosen], np.zeros((len(chosen), 3))
-    face, weights = even_points(areas, POINTS)
-    normals = unit(face_normals(vertices, faces[face]))
-    return np.einsum("nk,nkd->nd", weights, vertices[faces[face]]), normals
+    corners, weights = even_points(vertices, faces, POINTS)
+    return np.einsum("nk,nkd->nd", weights, vertices[corners]), unit(face_normals(vertices, corners))
 
 
 def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:

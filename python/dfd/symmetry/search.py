@@ -26,6 +26,7 @@ _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
 # A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, its normalized
 # offset by less than _SNAP_OFFSET, and its dissimilarity rises by less than _SNAP_LOSS.
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
+_EXACT = 1e-6  # largest rounding error of exactly mirrored vertices, in normalized coordinates
 
 
 def symmetry_planes(
@@ -92,7 +93,8 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     else:
         distinct = _without_copies([_candidate(evidence, plane) for plane in candidate_planes(evidence)])
         fitting = [each for each in distinct if each.on_surface >= ON_SURFACE and each.dissimilarity < 1]
-        found = [_snapped(evidence, each) for each in fitting]
+        vertices = evidence.frame.apply(mesh.vertices)
+        found = [_snapped(evidence, vertices, each) for each in fitting]
     found.sort(key=lambda each: each.dissimilarity)
     planes = [_in_mesh_units(each.plane, evidence) for each in found]
     vertices = mesh.vertices
@@ -125,20 +127,36 @@ def _without_copies(candidates: list[_Candidate]) -> list[_Candidate]:
     return kept
 
 
-def _snapped(evidence: SurfaceFeatures, found: _Candidate) -> _Candidate:
+def _snapped(evidence: SurfaceFeatures, vertices: Float64, found: _Candidate) -> _Candidate:
     """Return a plane near `found` and perpendicular to an axis if its dissimilarity is hardly larger, else `found`."""
     axis = int(np.argmax(np.abs(found.plane[:3])))
     if abs(found.plane[axis]) < np.cos(_SNAP_ANGLE):
         return found
     normal = np.eye(3)[axis]
     offset = float(np.sign(found.plane[axis]) * found.plane[3])
-    origin = float(-evidence.frame.center[axis] * evidence.frame.scale)
-    for place in (origin, 0.0, offset):  # through the origin, through the center of the box, or at the found offset
-        if abs(place - offset) < _SNAP_OFFSET:
+    exact = _offset_of_pairs(vertices, axis)
+    for place in (exact, 0.0, offset):  # between mirrored vertices, through the box's center, or at the found offset
+        if place is not None and abs(place - offset) < _SNAP_OFFSET:
             snapped = _candidate(evidence, np.append(normal, place))
             if snapped.dissimilarity < found.dissimilarity + _SNAP_LOSS:
                 return snapped
     return found
+
+
+def _offset_of_pairs(vertices: Float64, axis: int) -> float | None:
+    """Return the offset along `axis` of the plane in which most `vertices` (V, 3) are mirrored exactly, or None.
+
+    Vertices that differ only along the axis are a pair. The result is the median of the middles of all pairs.
+    """
+    across = np.rint(np.delete(vertices, axis, axis=1) / _EXACT).astype(np.int64)
+    order = np.lexsort((vertices[:, axis], *across.T))
+    starts = np.flatnonzero(np.append(True, np.diff(across[order], axis=0).any(axis=1)))
+    sizes = np.diff(np.append(starts, len(vertices)))
+    paired = sizes > 1
+    if sizes[paired].sum() < len(vertices) / 2:
+        return None
+    along = vertices[order, axis]
+    return float(np.median((along[starts] + along[starts + sizes - 1])[paired])) / 2
 
 
 def _in_mesh_units(plane: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:

@@ -30,11 +30,10 @@ class Component(NamedTuple):
 
 def component_of(vertices: Float64, faces: Int32) -> Component | None:
     """Return samples of the surface of `faces` (F, 3), or None if all faces have the area 0."""
-    areas = face_areas(vertices, faces)
-    if not areas.sum() > 0:
+    if not face_areas(vertices, faces).sum() > 0:
         return None
-    face, barycentric = even_points(areas, SAMPLES)
-    corners = vertices[faces[face]]
+    of_corner, barycentric = even_points(vertices, faces, SAMPLES)
+    corners = vertices[of_corner]
     points = np.einsum("nk,nkd->nd", barycentric, corners)
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     return Component(points, normals, cKDTree(points), float(np.linalg.norm(np.ptp(points, axis=0))))
