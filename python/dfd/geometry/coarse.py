@@ -167,13 +167,16 @@ def nodes_of(mesh: Mesh) -> Nodes:
 
 
 def _clustered(mesh: Mesh, links: Int32) -> Int32:
-    """Return the node of each vertex, (V,). Vertices that are connected within a grid cell form one node."""
+    """Return the node of each vertex, (V,). Vertices that are connected within a grid cell form one node.
+
+    The middle of the mesh is the center of a cell, so the cells of a symmetric mesh are symmetric.
+    """
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    cell = float((high - low).max()) / CELLS
+    middle, cell = (low + high) / 2, float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
     for axis in range(3):
         key *= CELLS + 1
-        key += ((mesh.vertices[:, axis] - low[axis]) / cell).astype(np.int32)
+        key += np.rint((mesh.vertices[:, axis] - middle[axis]) / cell).astype(np.int32) + CELLS // 2
     inside = [ends[key[ends[:, 0]] == key[ends[:, 1]]] for ends in _edges(mesh, links)]
     return _core.components(len(key), np.zeros((0, 3), np.int32), np.concatenate(inside))
 

@@ -11,7 +11,7 @@ LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacin
 CREASE = 0.1  # increase of concavity that divides the cost of a border by e
 MOVE_COST = 0.1  # cost of moving a patch to the other side, divided by the cost of a flat border one patch spacing long
 STEEPEST = 10.0  # largest value of (patch spacing / distance of two places), by which their concavity is multiplied
-COST_SCALE = 1e6  # integer cost of a flat border as long as the diagonal of the bounding box
+COST_SCALE = 1e6  # integer cost of a flat border of length 1 (`Patches`)
 LARGEST_COST = 2**28  # largest integer cost, to prevent overflow of 32-bit sums
 
 

@@ -89,7 +89,7 @@ def cues(tree: Tree, node: int, region: Bool) -> list[float]:
         "persistence": (limit - height) / (limit + 0.02),
         "contrast": float(np.linalg.norm(tree.mean(region) - tree.mean(around))) if around.any() else 1.0,
         "concavity": _mean(patches.borders.concavity[crossing].clip(0.0, 1.0), length, BRIDGE),
-        "girth": float(length.sum() / np.sqrt(share * patches.place_area.sum())),
+        "girth": float(length.sum() / np.sqrt(share)),
         "step": _mean(tree.steps[crossing], length, 1.0),
     }
     logs = {name: float(np.log(value + FLOORS[name])) for name, value in values.items()}

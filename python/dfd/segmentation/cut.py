@@ -11,6 +11,7 @@ from dfd.segmentation.tree import Tree
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
+FAR = 1e3  # more than the distance of any patch from its own part
 
 
 def cut_labels(tree: Tree) -> Int64:
@@ -48,7 +49,7 @@ def _nearest(tree: Tree, handles: Int64, of_handle: Int64, groups: list[list[Boo
             if not (component & taken).any() or (component & starts).any():
                 starts |= component & ~taken
         apart = dijkstra(tree.links, indices=np.flatnonzero(starts), min_only=True)
-        apart[~np.any(group, axis=0)] += 1.0  # longer than any patch is from its own part, in diagonals of the box
+        apart[~np.any(group, axis=0)] += FAR
         nearer = apart < best
         label[nearer], best[nearer] = number, apart[nearer]
     return label

@@ -1,9 +1,10 @@
 """Divide the surface into about two thousand patches, and describe the borders between them.
 
-Everything here is a function of the geometry: not of the order of vertices and faces, or of scale and place. Three
-rules ensure this. Positions are normalized and rounded, so rounding errors of the input do not matter. The places of a
-mesh are sorted by position, so ties are broken alike. Farthest-point sampling chooses the patches, and the planes of
-symmetry map patches to patches.
+Everything here is a function of the geometry: not of the order of vertices and faces, or of scale, place and rotation.
+Three rules ensure this. Distances are normalized and rounded, so rounding errors of the input do not matter. The places
+of a mesh are sorted by distance from the middle of the surface, then by position, so ties are broken alike.
+Farthest-point sampling chooses the patches, and the planes of symmetry map patches to patches. The unit of length is
+the side of a square with the area of the surface.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,9 +16,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
-from dfd.geometry.topology import first_at_place
+from dfd.geometry.topology import first_at_place, vertex_areas
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -29,8 +30,8 @@ SAMPLES = 8  # largest number of vertices per patch over which features are aver
 BRIDGE = 1.0  # concavity of borders across small gaps between components of the mesh, as if there were a clear crease
 UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose reflections commute
 MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
-SAME = 1e-5  # two places are exact mirror images up to this distance, in diagonals of the bounding box
-GRID = 2.0**26  # coordinates are rounded to multiples of 1 / GRID, in diagonals of the bounding box
+SAME = 1e-5  # two places are exact mirror images up to this distance
+GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
 
 
 class Mirror(NamedTuple):
@@ -56,11 +57,11 @@ class Borders:
     pairs
         (E, 2) indices of the patches (or places) on both sides of each border, the lower index first.
     length
-        (E,) lengths of the borders, in diagonals of the bounding box; 0 across small gaps.
+        (E,) lengths of the borders, 0 across small gaps.
     concavity
         (E,) how much the normals of the two patches point towards each other, in [−2, 2]; above 0 in a concave crease.
     apart
-        (E,) distances between the centers of the two patches, in diagonals of the bounding box.
+        (E,) distances between the centers of the two patches.
     """
 
     def __init__(self, pairs: Int64, length: Float64, center: Float64, normal: Float64) -> None:
@@ -92,9 +93,9 @@ class Patches:
     Attributes
     ----------
     size
-        The diagonal of the mesh's bounding box, in mesh units.
+        The unit of lengths: the side of a square with the area of the surface, in mesh units.
     spacing
-        The patch spacing: the side of a square with the mean area of a patch, in diagonals of the bounding box.
+        The patch spacing: the side of a square with the mean area of a patch.
     place
         (N,) the place of each mesh node; −1 for nodes without faces. Places are sorted by position.
     node_of_place
@@ -104,11 +105,11 @@ class Patches:
     area
         (P,) areas of the patches, as shares of the surface.
     center
-        (P, 3) centers of the patches, in diagonals of the bounding box.
+        (P, 3) centers of the patches.
     borders, place_borders
         The borders between patches, and between places.
     place_area
-        (M,) areas of the places, in squared diagonals of the bounding box.
+        (M,) areas of the places, as shares of the surface.
     orbit
         (P,) the orbit of each patch: the patches that reflections in the planes of symmetry map onto each other.
 
@@ -117,16 +118,16 @@ class Patches:
 
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
         self.nodes = nodes = nodes_of(mesh)
-        self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
-        self._middle = mesh.bounds.mean(axis=0)
-        self.place, self.node_of_place = _places(mesh, nodes, (nodes.center - self._middle) / size)
-        self._vertex = _central_vertices(mesh, nodes)[self.node_of_place]
-        center = _rounded((nodes.center[self.node_of_place] - self._middle) / size)
-        area, normal, pairs, length = _surface(mesh, self.place[nodes.of_vertex], len(center), size)
-        if not area.sum() > 0:
+        faces = _distinct_faces(mesh)
+        total, self._middle = _area_and_middle(mesh, faces)
+        if not total > 0:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
-        self.place_area = area
-        self.spacing = float(np.sqrt(area.sum() / COUNT))
+        self.size = size = float(np.sqrt(total))
+        self.place, self.node_of_place = _places(mesh, nodes, (nodes.center - self._middle) / size)
+        self._vertex = _central_vertices(mesh, nodes, size)[self.node_of_place]
+        center = (nodes.center[self.node_of_place] - self._middle) / size
+        area, normal, pairs, length = _surface(mesh, faces, self.place[nodes.of_vertex], len(center), size)
+        self.place_area, self.spacing = area, COUNT**-0.5
         graph = self._graph_of_places(center)
         links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
@@ -135,12 +136,12 @@ class Patches:
         mirrors = [self._mirror(plane) for plane in _commuting(planes)]
         mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
-        seeds, self.orbit = _orbits(places, tree, area, self.spacing, mirrors)
+        seeds, self.orbit = _orbits(places, tree, self.spacing, mirrors)
         of_seed = _symmetric(_nearest_seed(graph, seeds, center), tree, center[seeds], mirrors)
         used, self.of_place = np.unique(of_seed, return_inverse=True)
         self.orbit = np.unique(self.orbit[used], return_inverse=True)[1]
         count = len(used)
-        weight = np.maximum(area, 1e-9 * area.sum())
+        weight = np.maximum(area, 1e-9)
         self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
         self.center = group_sums(self.of_place, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
@@ -163,12 +164,12 @@ class Patches:
         return np.asarray(mean @ features(self._vertex[places]).astype(np.float64))
 
     def _graph_of_places(self, center: Float64) -> csr_array:
-        """Return the distances (M, M) between neighboring places, in diagonals of the bounding box."""
+        """Return the distances (M, M) between neighboring places."""
         graph, count = self.nodes.graph, len(center)
         row = np.repeat(self.place, np.diff(graph.indptr))
         ends = np.stack([row, self.place[graph.indices]], axis=1)
         ends = distinct_pairs(ends[(ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])], count)[0]
-        length = np.maximum(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1), 1e-9)
+        length = _rounded(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1)) + 1 / GRID
         both = np.concatenate([ends, ends[:, ::-1]]).T
         return csr_array((np.tile(length, 2), tuple(both)), shape=(count, count))
 
@@ -182,37 +183,45 @@ def _rounded(values: Float64) -> Float64:
 
 
 def _places(mesh: Mesh, nodes: Nodes, center: Float64) -> tuple[Int64, Int64]:
-    """Return the place (N,) of each mesh node, and the first node (M,) of each place. Places are sorted by position."""
+    """Return the place (N,) of each mesh node, and the first node (M,) of each place, in the order of places."""
     first = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
     own = np.flatnonzero(nodes.used & (first == np.arange(len(first))))
-    own = own[np.lexsort(_rounded(center[own]).T)]
+    apart = np.linalg.norm(center[own], axis=1)
+    own = own[np.lexsort(_rounded(np.column_stack([center[own], apart])).T)]
     place = np.full(len(first), -1)
     place[own] = np.arange(len(own))
     return place[first], own
 
 
-def _central_vertices(mesh: Mesh, nodes: Nodes) -> Int64:
+def _central_vertices(mesh: Mesh, nodes: Nodes, size: float) -> Int64:
     """Return the vertex (N,) nearest to the center of each mesh node."""
     members = nodes.members
-    apart = np.linalg.norm(mesh.vertices[members] - nodes.center[nodes.of_vertex[members]], axis=1) / max(
-        mesh.diagonal, np.finfo(float).tiny
-    )
-    apart = _rounded(apart)
+    apart = _rounded(np.linalg.norm(mesh.vertices[members] - nodes.center[nodes.of_vertex[members]], axis=1) / size)
     least = np.repeat(np.minimum.reduceat(apart, nodes.starts), nodes.ends - nodes.starts)
     nearest = np.flatnonzero(apart == least)
     return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
 
 
-def _surface(mesh: Mesh, of_vertex: Int64, count: int, size: float) -> tuple[Float64, Float64, Int64, Float64]:
+def _area_and_middle(mesh: Mesh, faces: Int32) -> tuple[float, Float64]:
+    """Return the area of `faces` (F, 3), in squared mesh units, and the centroid (3,) of their surface."""
+    near = mesh.bounds.mean(axis=0)
+    areas = vertex_areas(mesh.vertices - near, faces)
+    total = float(areas.sum())
+    return total, near + areas @ (mesh.vertices - near) / (total or 1.0)
+
+
+def _surface(
+    mesh: Mesh, faces: Int32, of_vertex: Int64, count: int, size: float
+) -> tuple[Float64, Float64, Int64, Float64]:
     """Return areas (M,) and area-weighted normals (M, 3) of places, and `pairs` and `length` of `Borders`."""
-    first, faces = first_at_place(mesh), _distinct_faces(mesh)
-    points = (mesh.vertices - mesh.bounds.mean(axis=0)) / size
+    first = first_at_place(mesh)
+    points = (mesh.vertices - mesh.bounds.mean(axis=0)) / size  # near 0, where differences have small rounding errors
     areas, normals = np.zeros(count), np.zeros((count, 3))
     pairs, lengths = [np.zeros((0, 2), np.int64)], [np.zeros(0)]
     for start in range(0, len(faces), RUN):  # RUN faces fit the processor's cache
         some = faces[start : start + RUN]
         place = of_vertex[some]
-        corners = _rounded(points[first[some]])
+        corners = points[first[some]]
         along, aside = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         normal = np.stack([along[i - 2] * aside[i - 1] - along[i - 1] * aside[i - 2] for i in range(3)]) / 2
         area = np.sqrt(np.square(normal).sum(axis=0))
@@ -227,11 +236,11 @@ def _surface(mesh: Mesh, of_vertex: Int64, count: int, size: float) -> tuple[Flo
             # In a face, the border goes from the center straight to a side, so its length is a third of the height.
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
-    # Sums depend on the order of the faces by rounding errors, so they are rounded to a coarser grid.
+    # Sums depend on the order of the faces by rounding errors, so they are rounded.
     return _rounded(areas * GRID) / GRID, _rounded(normals * GRID) / GRID, joined, _rounded(length)
 
 
-def _distinct_faces(mesh: Mesh) -> NDArray[np.int32]:
+def _distinct_faces(mesh: Mesh) -> Int32:
     """Return the faces (F, 3) of the mesh without copies: faces with the corners of an earlier face, in any order."""
     corners = np.sort(first_at_place(mesh)[mesh.faces], axis=1).astype(np.uint64)
     prime = np.uint64(0x9E3779B97F4A7C15)  # the odd number nearest to 2⁶⁴ divided by the golden ratio
@@ -283,12 +292,10 @@ def _commuting(planes: Sequence[SymmetryPlane]) -> list[SymmetryPlane]:
 def _mapped(mirror: Mirror, tree: cKDTree, area: Float64, spacing: float) -> float:
     """Return the share of the surface whose mirror image lies on the surface."""
     apart = tree.query(mirror.image(np.asarray(tree.data)), distance_upper_bound=spacing / 2)[0]
-    return float(area[np.isfinite(apart)].sum() / area.sum())
+    return float(area[np.isfinite(apart)].sum())
 
 
-def _orbits(
-    places: Float64, tree: cKDTree, area: Float64, spacing: float, mirrors: Sequence[Mirror]
-) -> tuple[Int64, Int64]:
+def _orbits(places: Float64, tree: cKDTree, spacing: float, mirrors: Sequence[Mirror]) -> tuple[Int64, Int64]:
     """Return the seeds (P,) of patches, which are indices of `places` (M, 6), and the orbit (P,) of each seed.
 
     Farthest-point sampling chooses seeds on one side of all planes. Their mirror images are the other seeds. `tree` is
@@ -299,9 +306,7 @@ def _orbits(
     for mirror in mirrors:
         half &= mirror.height(center) > -spacing / 4
     own = np.flatnonzero(half)
-    middle = (area @ center) / area.sum()
-    start = int(_rounded(np.linalg.norm(center[own] - middle, axis=1)).argmin())
-    chosen = own[_farthest_points(places[own], [start], near, MOST >> len(mirrors))]
+    chosen = own[_farthest_points(places[own], [0], near, MOST >> len(mirrors))]  # the first place is in the middle
     of_seed: dict[int, int] = {}
     for orbit, seed in enumerate(chosen.tolist()):
         images = [center[seed]]

@@ -3,7 +3,7 @@
 The strength of a boundary comes from its crease and from the distance of the features on both sides. The merged regions
 with the weakest boundary are next, as in hierarchies of images (Arbeláez et al., "Contour detection and hierarchical
 image segmentation", 2011). Patches that are mirror images of each other are one leaf of the tree, so each tree node is
-symmetric. (T,) arrays have one entry for each tree node.
+symmetric. Lengths have the unit of `Patches`. (T,) arrays have one entry for each tree node.
 """
 
 import heapq
@@ -27,7 +27,7 @@ BIAS, CONCAVE, STEEP = -2.8, 6.0, 1.0
 FEATURES = 0.6  # weight of the distance of the regions' mean features, beside the strength of their boundary
 LEAST_PATCH = 1e-9  # smallest area of a patch in the smoothing, as a share of the surface
 LEAST_SPREAD = 0.05  # smallest divisor of the features: if all features of a shape are nearly equal, they are noise
-SHORTEST = 1e-9  # length of a boundary across a small gap, in diagonals of the bounding box
+SHORTEST = 1e-9  # length of a boundary across a small gap
 
 
 class Tree:
@@ -36,7 +36,7 @@ class Tree:
     Attributes
     ----------
     links
-        (P, P) distances between the centers of neighboring patches, in diagonals of the bounding box.
+        (P, P) distances between the centers of neighboring patches.
     values
         (P, K) smoothed features of the patches, divided by their standard deviation over the surface.
     steps
@@ -121,7 +121,7 @@ class Tree:
             """Return the mean strength of the boundary between two regions, plus the distance of their features."""
             length, total = beside[one][other]
             apart = means[one] - means[other]
-            return total / length + FEATURES * float(np.sqrt(apart @ apart))
+            return round(total / length + FEATURES * float(np.sqrt(apart @ apart)), 9)
 
         queue = [(cost(one, other), one, other) for one in range(leaves) for other in beside[one] if one < other]
         heapq.heapify(queue)
