@@ -21,17 +21,16 @@ import dfd
 import dfd.segmentation
 from bench.tables import write_text
 from bench.training.made_shapes import made_shape
-from dfd.common.linear_algebra import Bool, Float64
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.choose import CUES, candidates
 from dfd.segmentation.patches import Patches
-from dfd.segmentation.tree import Tree
+from dfd.segmentation.trees import Trees
 
 SHAPES = 100  # number of generated shapes
 DRAWS = 24  # number of places on each lesson's shape
-SHARPNESS = 20.0  # factor of the IoU in the softmax that the probabilities should match
+SHARPNESS = 40.0  # factor of the IoU in the softmax that the probabilities should match
 LEAST_IOU = 0.5  # a place is a lesson only if a candidate has at least this IoU with the part
-LARGE, LARGE_WEIGHT = 0.05, 2.0  # the shapes have many small parts, so places on parts above this share count twice
 PENALTY = 1e-4  # factor of the squared norm of the weights
 
 
@@ -40,35 +39,34 @@ class Place:
     """The candidates at one place, and the part that is meant there."""
 
     cues: Float64  # (K, C)
+    votes: Int64  # (K,) number of trees that have each candidate
     ious: Float64  # (K,) IoU of each candidate with the part that is meant, flat or closed, whichever is larger
-    overlaps: Float64  # (K, K) IoU of each pair of candidates
-    share: float  # area of the part, as a share of the surface
 
 
-def tree_of(mesh: dfd.Mesh, field: dfd.Field) -> Tree:
-    """Return the tree of parts of a mesh."""
+def trees_of(mesh: dfd.Mesh, field: dfd.Field) -> Trees:
+    """Return the trees of regions of a mesh."""
     patches = Patches(mesh, dfd.symmetry_planes(field, mesh))
-    return Tree(patches, patches.means(field.on(mesh).rows))
+    return Trees(patches, patches.means(field.on(mesh).rows))
 
 
-def places(mesh: dfd.Mesh, tree: Tree, parts: Sequence[tuple[Bool, Bool]], seed: int = 0) -> Iterator[Place]:
+def places(mesh: dfd.Mesh, trees: Trees, parts: Sequence[tuple[Bool, Bool]], seed: int = 0) -> Iterator[Place]:
     """Yield random places on random parts. A part is two masks of vertices (V,): flat and closed."""
     generator = np.random.default_rng(seed)
     areas = face_areas(mesh.vertices, mesh.faces)
     areas = areas / areas.sum()
-    of_face = np.median(np.sort(tree.patches.of_vertex[mesh.faces], axis=1), axis=1).astype(np.int64)
-    own = np.bincount(of_face, areas, len(tree.patches.area))
+    of_face = np.median(np.sort(trees.patches.of_vertex[mesh.faces], axis=1), axis=1).astype(np.int64)
+    own = np.bincount(of_face, areas, len(trees.patches.area))
     for _ in range(DRAWS):
         part = [each[mesh.faces].sum(axis=1) >= 2 for each in parts[generator.integers(len(parts))]]
         if not areas[part[0]].sum() > 0:
             continue
         face = generator.choice(np.flatnonzero(part[0]), p=areas[part[0]] / areas[part[0]].sum())
-        found = candidates(tree, int(of_face[face]))
+        found = candidates(trees, int(of_face[face]))
         ious = []
         for meant in part:
             common = found.regions @ np.bincount(of_face[meant], areas[meant], len(own))
             ious.append(common / (found.regions @ own + areas[meant].sum() - common))
-        yield Place(found.cues, np.max(ious, axis=0), found.overlaps(tree.patches.area), float(areas[part[0]].sum()))
+        yield Place(found.cues, found.votes, np.max(ious, axis=0))
 
 
 def learn(lessons: Sequence[Place]) -> Float64:
@@ -76,20 +74,23 @@ def learn(lessons: Sequence[Place]) -> Float64:
     kept = [place for place in lessons if place.ious.max() >= LEAST_IOU and len(place.ious) > 1]
     most = max(len(place.ious) for place in kept)
     cues, ious = np.zeros((len(kept), most, len(CUES))), np.full((len(kept), most), -np.inf)
+    votes = np.ones((len(kept), most))
     for row, place in enumerate(kept):
-        cues[row, : len(place.ious)], ious[row, : len(place.ious)] = place.cues, place.ious
+        some = row, slice(len(place.ious))
+        cues[some], votes[some], ious[some] = place.cues, place.votes, place.ious
     known = np.isfinite(ious)
     mean, spread = cues[known].mean(axis=0), cues[known].std(axis=0)
-    inputs, mask = torch.tensor((cues - mean) / spread), torch.tensor(known)
+    inputs, counted, mask = torch.tensor((cues - mean) / spread), torch.tensor(np.log(votes)), torch.tensor(known)
     targets = torch.softmax(torch.tensor(SHARPNESS * ious), dim=1)
-    count = torch.tensor([1.0 if place.share < LARGE else LARGE_WEIGHT for place in kept], dtype=torch.double)
     weights = torch.zeros(len(CUES), dtype=torch.double, requires_grad=True)
     optimizer = torch.optim.LBFGS([weights], max_iter=200, line_search_fn="strong_wolfe")
 
     def loss() -> Any:
         optimizer.zero_grad()
-        logs = torch.log_softmax((inputs @ weights).masked_fill(~mask, -torch.inf), dim=1).masked_fill(~mask, 0.0)
-        found = -(count * (targets * logs).sum(dim=1)).sum() / count.sum() + PENALTY * weights.square().sum()
+        logs = torch.log_softmax((inputs @ weights + counted).masked_fill(~mask, -torch.inf), dim=1).masked_fill(
+            ~mask, 0.0
+        )
+        found = -(targets * logs).sum(dim=1).mean() + PENALTY * weights.square().sum()
         found.backward()
         return found
 
@@ -107,8 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for number in range(SHAPES):
         print(f"shape {number + 1} of {SHAPES}", file=sys.stderr)
         shape = made_shape(number)
-        tree = tree_of(shape.mesh, dfd.distill(shape.mesh, progress=False))
-        lessons += places(shape.mesh, tree, shape.parts, number)
+        trees = trees_of(shape.mesh, dfd.distill(shape.mesh, progress=False))
+        lessons += places(shape.mesh, trees, shape.parts, number)
     weights = {name: round(float(weight), 3) for name, weight in zip(CUES, learn(lessons), strict=True)}
     path = given.output or Path(dfd.segmentation.__file__).with_name("part_weights.json")
     write_text(path, json.dumps({"weights": weights}, ensure_ascii=False, indent=2) + "\n")

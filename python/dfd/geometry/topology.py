@@ -185,6 +185,9 @@ def _spread(values: Int64) -> Int64:
 def even_points(vertices: NDArray[np.floating], faces: Int32, count: int) -> tuple[Int32, Float32]:
     """Spread points evenly on `faces` (F, 3). Return the corners (count, 3) of their faces, and barycentric rows."""
     faces = by_position(vertices, faces)[0]
+    # Few points of a face have no even spread about its center, so the first corners of neighboring faces differ.
+    turn = np.arange(len(faces))[:, None] + np.arange(3)
+    faces = np.take_along_axis(faces, turn % 3, axis=1)
     areas = face_areas(vertices, faces)
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)

@@ -4,67 +4,68 @@ import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.segmentation.choose import CLEAR, closed, strength
-from dfd.segmentation.tree import Tree
+from dfd.segmentation.trees import Trees
 
 MOST = 64  # largest number of components of a part
 # Two regions are alike if their squared distance is below 1. It adds the squares of the distance between their mean
 # features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
 # six ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, of their strengths, and of the
 # three extents.
-APART, SIMILAR = 2.5, 1.6
+APART, SIMILAR = 1.5, 1.6
 
 
-def alike(tree: Tree, node: int, region: Bool) -> list[Bool]:
+def alike(trees: Trees, node: int, region: Bool) -> list[Bool]:
     """Return the components (P,) of a part: `region` (P,), its mirror images, and other regions that look like it.
 
     `region` is a component of the tree node `node`, alone or closed. No two components overlap.
     """
-    core = region & tree.inside[node]
+    core = region & trees.inside[node]
     whole = bool((region & ~core).any())
     found, taken = [region], region.copy()
 
     def take(component: Bool) -> None:
-        grown = closed(tree, component) if whole else component
+        grown = closed(trees, component) if whole else component
         if len(found) < MOST and not (grown & taken).any():
             found.append(grown)
             taken[:] |= grown
 
-    own = _measures(tree, core)
-    for component in tree.components(tree.inside[node] & ~core):
-        if _apart(own, _measures(tree, component)) < 1:
+    own = _measures(trees, core)
+    for component in trees.components(trees.inside[node] & ~core):
+        if _apart(own, _measures(trees, component)) < 1:
             take(component)
-    if strength(tree, core) > CLEAR:  # regions without a clear border resemble each other everywhere
-        for component in _resembling(tree, core, own, taken):
+    if strength(trees, core) > CLEAR:  # regions without a clear border resemble each other everywhere
+        for component in _resembling(trees, core, own, taken):
             take(component)
     return found
 
 
-def _resembling(tree: Tree, core: Bool, own: Float64, taken: Bool) -> list[Bool]:
+def _resembling(trees: Trees, core: Bool, own: Float64, taken: Bool) -> list[Bool]:
     """Return the components (P,) of tree nodes outside `taken` that look like `core` (P,), the most similar first.
 
     `own` are the `_measures` of `core`.
     """
-    mean, around = tree.mean(core), tree.around(core)
-    contrast = float(np.linalg.norm(mean - tree.mean(around))) if around.any() else 0.0
-    looks = np.square(np.linalg.norm(tree.means - mean, axis=1) / max(APART * contrast, 1e-9))
-    near = (looks < 1) & (tree.areas >= tree.patches.area @ core / SIMILAR) & ~(tree.inside & taken).any(axis=1)
+    mean, around = trees.mean(core), trees.around(core)
+    contrast = float(np.linalg.norm(mean - trees.mean(around))) if around.any() else 0.0
+    looks = np.square(np.linalg.norm(trees.means - mean, axis=1) / max(APART * contrast, 1e-9))
+    near = (looks < 1) & (trees.areas >= trees.patches.area @ core / SIMILAR)
+    near &= ~(trees.inside & (taken | around)).any(axis=1)  # what touches the part is beside it, and no counterpart
     found: list[tuple[float, int, Bool]] = []
     for node in np.flatnonzero(near).tolist():
-        for component in tree.components(tree.inside[node]):
-            apart = float(looks[node]) + _apart(own, _measures(tree, component))
+        for component in trees.components(trees.inside[node]):
+            apart = float(looks[node]) + _apart(own, _measures(trees, component))
             if apart < 1:
                 found.append((apart, node, component))
     return [component for *_, component in sorted(found, key=lambda each: each[:2])]
 
 
-def _measures(tree: Tree, region: Bool) -> Float64:
+def _measures(trees: Trees, region: Bool) -> Float64:
     """Return the logarithms (6,) of a region's area, its border's length and strength, and its principal extents."""
-    patches = tree.patches
+    patches = trees.patches
     length = patches.borders.length[np.not_equal(*region[patches.borders.pairs.T])].sum()
     area, center = patches.area[region], patches.center[region]
     apart = center - area @ center / area.sum()
     extents = np.sqrt(np.linalg.eigvalsh((apart * area[:, None]).T @ apart / area.sum()).clip(0.0))
-    return np.log(np.array([area.sum(), length, strength(tree, region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
+    return np.log(np.array([area.sum(), length, strength(trees, region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
 
 
 def _apart(one: Float64, other: Float64) -> float:

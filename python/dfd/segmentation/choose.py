@@ -2,9 +2,9 @@
 
 A candidate is a connected region at the place: the component of a tree node, alone or with the regions that only it
 connects to the rest of the shape (`closed`). Seven cues say how well its border separates it from its surroundings. A
-softmax of a linear function of these cues gives the probability that a person means the candidate. Its weights are
-learned (`bench.training.learn_parts`). The part is the candidate with the largest expected IoU (intersection over union
-of areas) with the part that the person means.
+softmax of a linear function of these cues gives the probability that a person means the candidate; all trees count
+equally. The weights of the cues are learned (`bench.training.learn_parts`). The part is the candidate with the largest
+expected IoU (intersection over union of areas) with the part that the person means.
 """
 
 import json
@@ -13,18 +13,16 @@ from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.patches import BRIDGE
-from dfd.segmentation.tree import SHORTEST, Tree
+from dfd.segmentation.trees import SHORTEST, SMALLEST, Trees
 
-SMALLEST, LARGEST = 0.001, 0.97  # smallest and largest area of a candidate, as shares of the surface
-GROWTH = 1.05  # smallest ratio between the areas of two candidates in a row
+LARGEST = 0.97  # largest area of a candidate, as a share of the surface
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
 # Added to a cue before its logarithm is taken, so that noise near 0 does not count.
 FLOORS = {"girth": 0.1, "persistence": 0.03, "contrast": 0.1, "concavity": 0.02, "step": 0.05}
-CLEAR = 0.15  # least mean strength (`Tree`) of a clear border; a border without any crease has at most 0.142
+CLEAR = 0.15  # least mean strength (`Trees`) of a clear border; a border without any crease has at most 0.142
 STEP = 1.25  # smallest ratio between the areas of parts at neighboring levels
 
 
@@ -34,6 +32,7 @@ class Candidates(NamedTuple):
     regions: Bool  # (K, P) the patches of each candidate
     nodes: Int64  # (K,) the tree node from which each candidate comes
     cues: Float64  # (K, 7) the cues, in the order of `CUES`
+    votes: Int64  # (K,) number of trees that have the node from which each candidate comes
     clear: bool
 
     def overlaps(self, area: Float64) -> Float64:
@@ -43,64 +42,53 @@ class Candidates(NamedTuple):
         return np.asarray(common / (own[:, None] + own - common), np.float64)
 
 
-def candidates(tree: Tree, patch: int) -> Candidates:
+def candidates(trees: Trees, patch: int) -> Candidates:
     """Return the candidates at a patch. If no region has a suitable area, the only candidate is the whole shape."""
-    area, found = tree.patches.area, []
-    last = 0.0
-    for node in tree.path(patch):
-        region = component_at(tree, tree.inside[node], patch)
-        own = float(area @ region)
-        if own < max(SMALLEST, GROWTH * last) or own > LARGEST:
-            continue
-        last = own
-        found.append((node, region))
-        whole = closed(tree, region)
-        if GROWTH * own < area @ whole <= LARGEST:
-            found.append((node, whole))
+    area, found = trees.patches.area, dict[bytes, tuple[int, Bool]]()
+    nodes = np.flatnonzero(trees.inside[:, patch])
+    for node in nodes[np.argsort(trees.areas[nodes], kind="stable")].tolist():
+        region = component_at(trees, trees.inside[node], patch)
+        for each in (region, closed(trees, region)):
+            if SMALLEST <= area @ each <= LARGEST:
+                found.setdefault(each.tobytes(), (node, each))
     if not found:
-        return Candidates(
-            np.ones((1, len(area)), bool), np.array(tree.path(patch)[-1:]), np.zeros((1, len(CUES))), False
-        )
-    rows = np.array([cues(tree, node, region) for node, region in found])
-    order = np.argsort([area @ region for _, region in found], kind="stable")
-    nodes, regions = np.array([node for node, _ in found]), np.array([region for _, region in found])
-    clear = any(strength(tree, region) > CLEAR for region in regions)
-    return Candidates(regions[order], nodes[order], rows[order], clear)
+        return Candidates(np.ones((1, len(area)), bool), nodes[:1], np.zeros((1, len(CUES))), np.ones(1, int), False)
+    rows = np.array([cues(trees, node, region) for node, region in found.values()])
+    nodes, regions = np.array([node for node, _ in found.values()]), np.array([each for _, each in found.values()])
+    order = np.argsort(regions @ area, kind="stable")
+    clear = any(strength(trees, region) > CLEAR for region in regions)
+    return Candidates(regions[order], nodes[order], rows[order], trees.votes[nodes[order]], clear)
 
 
-def cues(tree: Tree, node: int, region: Bool) -> list[float]:
-    """Return the cues of a candidate, in the order of `CUES`.
+def cues(trees: Trees, node: int, region: Bool) -> list[float]:
+    """Return the cues of a candidate that comes from a node, in the order of `CUES`.
 
     - area: logarithm of the candidate's share of the surface; area² is its square.
-    - persistence: how much weaker the boundaries inside the tree node are than the boundary around it.
+    - persistence: how much weaker the boundaries inside the node are than the boundary around it.
     - contrast: distance of the mean features of the candidate from those of the patches around it.
     - concavity: mean concavity along the border. Parts of animals and things meet in creases (Hoffman and Richards,
       "Parts of recognition", 1984).
     - girth: logarithm of the border's length, in sides of a square with the area of the candidate.
     - step: mean distance of the features on both sides of the border.
     """
-    patches = tree.patches
-    crossing, length = _crossing(tree, region)
-    around = tree.around(region)
+    patches = trees.patches
+    crossing, length = _crossing(trees, region)
+    around = trees.around(region)
     share = float(patches.area @ region)
-    above = tree.parent[node]
-    height, limit = tree.height[node], tree.height[above if above >= 0 else node]
     values = {
-        "persistence": (limit - height) / (limit + 0.02),
-        "contrast": float(np.linalg.norm(tree.mean(region) - tree.mean(around))) if around.any() else 1.0,
+        "persistence": float(trees.persistence[node]),
+        "contrast": float(np.linalg.norm(trees.mean(region) - trees.mean(around))) if around.any() else 1.0,
         "concavity": _mean(patches.borders.concavity[crossing].clip(0.0, 1.0), length, BRIDGE),
         "girth": float(length.sum() / np.sqrt(share)),
-        "step": _mean(tree.steps[crossing], length, 1.0),
+        "step": _mean(trees.steps[crossing], length, 1.0),
     }
-    logs = {name: float(np.log(value + FLOORS[name])) for name, value in values.items()}
-    logs["area"] = float(np.log(share))
-    logs["area²"] = logs["area"] ** 2
-    return [logs[name] for name in CUES]
+    size = float(np.log(share))
+    return [size, size * size, *(float(np.log(values[name] + FLOORS[name])) for name in CUES[2:])]
 
 
-def _crossing(tree: Tree, region: Bool) -> tuple[Int64, Float64]:
+def _crossing(trees: Trees, region: Bool) -> tuple[Int64, Float64]:
     """Return the borders (C,) between `region` (P,) and its surroundings, and their lengths (C,)."""
-    borders = tree.patches.borders
+    borders = trees.patches.borders
     crossing = np.flatnonzero(np.not_equal(*region[borders.pairs.T]))
     return crossing, np.maximum(borders.length[crossing], SHORTEST)
 
@@ -110,16 +98,16 @@ def _mean(values: Float64, length: Float64, alone: float) -> float:
     return float(values @ length / length.sum()) if len(length) else alone
 
 
-def strength(tree: Tree, region: Bool) -> float:
+def strength(trees: Trees, region: Bool) -> float:
     """Return the mean strength of the boundary around `region` (P,)."""
-    crossing, length = _crossing(tree, region)
-    return _mean(tree.strength[crossing], length, 1.0)
+    crossing, length = _crossing(trees, region)
+    return _mean(trees.strength[crossing], length, 1.0)
 
 
-def probabilities(rows: Float64) -> Float64:
-    """Return the probability (K,) that a person means each candidate, from its cues (K, 7)."""
-    scores = rows @ _weights()
-    likely = np.exp(scores - scores.max())
+def probabilities(found: Candidates) -> Float64:
+    """Return the probability (K,) that a person means each candidate. A region that n trees have counts n times."""
+    scores = found.cues @ _weights()
+    likely = found.votes * np.exp(scores - scores.max())
     return np.asarray(likely / likely.sum(), np.float64)
 
 
@@ -135,7 +123,7 @@ def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
     Level 0 has the largest expected IoU with the part that the person means. Each next larger level adds most to the
     expected IoU of the best level so far, among candidates that contain the last one; likewise each smaller level.
     """
-    likely, overlaps = probabilities(found.cues), found.overlaps(area)
+    likely, overlaps = probabilities(found), found.overlaps(area)
     share = found.regions @ area
     best = int((overlaps @ likely).argmax())
     levels = [best]
@@ -155,28 +143,18 @@ def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
     return levels, levels.index(best)
 
 
-def component_at(tree: Tree, inside: Bool, patch: int) -> Bool:
+def component_at(trees: Trees, inside: Bool, patch: int) -> Bool:
     """Return the connected component of the patches `inside` (P,) that contains a patch, (P,) bool."""
-    members = np.flatnonzero(inside)
-    component = connected_components(tree.links[members][:, members], directed=False)[1]
-    result = np.zeros(len(inside), bool)
-    result[members[component == component[np.searchsorted(members, patch)]]] = True
-    return result
+    label = trees.labels(inside)
+    return np.asarray(label == label[patch])
 
 
-def closed(tree: Tree, inside: Bool) -> Bool:
+def closed(trees: Trees, inside: Bool) -> Bool:
     """Return the patches of a part and of all regions that only this part connects to the body, (P,) bool.
 
     An example is the hoof of a leg. `inside` (P,) is True for the patches of the part. The body is the largest
     component of the surface outside the part. If the body has less than half of that surface, `inside` is returned.
     """
-    out = np.flatnonzero(~inside)
-    if len(out) == 0:
-        return inside
-    component = connected_components(tree.links[out][:, out], directed=False)[1]
-    areas = np.bincount(component, tree.patches.area[out])
-    if areas.max() < areas.sum() / 2:
-        return inside
-    result = inside.copy()
-    result[out[component != areas.argmax()]] = True
-    return result
+    label = trees.labels(~inside)
+    areas = np.bincount(label, np.where(inside, 0.0, trees.patches.area))
+    return inside if areas.max() <= areas.sum() / 2 else np.asarray(label != areas.argmax())

@@ -6,7 +6,7 @@ from scipy.sparse.csgraph import dijkstra
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.alike import alike
 from dfd.segmentation.choose import candidates, ladder
-from dfd.segmentation.tree import Tree
+from dfd.segmentation.trees import Trees
 
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
@@ -14,54 +14,54 @@ LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a 
 FAR = 1e3  # more than the distance of any patch from its own part
 
 
-def cut_labels(tree: Tree) -> Int64:
+def cut_labels(trees: Trees) -> Int64:
     """Return the part of each patch, (P,). A part that is too small joins the part that it touches most."""
-    patches = tree.patches
+    patches = trees.patches
     handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
     groups: list[list[Bool]] = []  # the components of each part
     of_handle = np.empty(len(handles), np.int64)
     for row, handle in enumerate(handles.tolist()):
-        found = candidates(tree, handle)
+        found = candidates(trees, handle)
         rungs, middle = ladder(found, patches.area)
         chosen = rungs[middle]
         region = found.regions[chosen]
-        same = [number for number, group in enumerate(groups) if any(_overlap(tree, region, one) for one in group)]
+        same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
             same = [len(groups)]
-            groups.append(alike(tree, int(found.nodes[chosen]), region))
+            groups.append(alike(trees, int(found.nodes[chosen]), region))
         of_handle[row] = same[0]
-    return _without_fragments(tree, _nearest(tree, handles, of_handle, groups))
+    return _without_fragments(trees, _nearest(trees, handles, of_handle, groups))
 
 
-def _nearest(tree: Tree, handles: Int64, of_handle: Int64, groups: list[list[Bool]]) -> Int64:
+def _nearest(trees: Trees, handles: Int64, of_handle: Int64, groups: list[list[Bool]]) -> Int64:
     """Return the part of each patch, (P,): that of the nearest handle whose part contains the patch, if there is one.
 
     A handle also stands for its mirror images, and for every patch of the counterparts that no handle of another part
     lies on.
     """
-    count = len(tree.patches.area)
+    count = len(trees.patches.area)
     label, best = np.zeros(count, np.int64), np.full(count, np.inf)
-    taken = np.isin(tree.patches.orbit, tree.patches.orbit[handles])
+    taken = np.isin(trees.patches.orbit, trees.patches.orbit[handles])
     for number, group in enumerate(groups):
-        own = tree.patches.orbit[handles[of_handle == number]]
-        starts = np.isin(tree.patches.orbit, own)
+        own = trees.patches.orbit[handles[of_handle == number]]
+        starts = np.isin(trees.patches.orbit, own)
         for component in group[1:]:
             if not (component & taken).any() or (component & starts).any():
                 starts |= component & ~taken
-        apart = dijkstra(tree.links, indices=np.flatnonzero(starts), min_only=True)
+        apart = dijkstra(trees.links, indices=np.flatnonzero(starts), min_only=True)
         apart[~np.any(group, axis=0)] += FAR
         nearer = apart < best
         label[nearer], best[nearer] = number, apart[nearer]
     return label
 
 
-def _overlap(tree: Tree, one: Bool, other: Bool) -> bool:
-    area = tree.patches.area
+def _overlap(trees: Trees, one: Bool, other: Bool) -> bool:
+    area = trees.patches.area
     return bool(area @ (one & other) >= SAME_IOU * (area @ (one | other)))
 
 
-def _without_fragments(tree: Tree, label: Int64) -> Int64:
-    patches = tree.patches
+def _without_fragments(trees: Trees, label: Int64) -> Int64:
+    patches = trees.patches
     for small in sorted(set(label.tolist()), key=lambda number: patches.area[label == number].sum()):
         if patches.area[label == small].sum() >= LEAST_AREA:
             break

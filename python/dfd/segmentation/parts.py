@@ -18,7 +18,7 @@ from dfd.segmentation.border import snapped
 from dfd.segmentation.choose import Candidates, candidates, ladder
 from dfd.segmentation.cut import cut_labels
 from dfd.segmentation.patches import Patches
-from dfd.segmentation.tree import Tree
+from dfd.segmentation.trees import Trees
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 
@@ -41,7 +41,7 @@ class Part:
 
 
 class Parts:
-    """The parts of the shape `mesh`. The first call of a method computes the tree of all parts.
+    """The parts of the shape `mesh`. The first call of a method computes the trees of all regions.
 
     `features` is a function that returns the features (N, D) of vertices (N,), such as `field.on(mesh).rows`. `planes`
     is a function that returns the planes of symmetry of the shape. If it is left out, the shape has none.
@@ -106,7 +106,7 @@ class Parts:
 
         Raises ValueError if no face has an area above 0.
         """
-        patches, label = self._patches, cut_labels(self._tree)
+        patches, label = self._patches, cut_labels(self._trees)
         masks = label == np.unique(label)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # `snapped` moves borders to creases. Places that it puts into no part or several parts keep their patch's part.
@@ -125,9 +125,9 @@ class Parts:
         return sorted(found, key=lambda each: -each.share)
 
     def prepare(self) -> None:
-        """Compute the tree of parts, which takes half a second, or several seconds for a million faces."""
+        """Compute the trees of regions, which takes half a second, or several seconds for a million faces."""
         if self._has_surface:
-            _ = self._tree
+            _ = self._trees
 
     def _components(self, vertex: int, level: int, *, with_alike: bool = True) -> tuple[Int64, float]:
         """Return `components` (N,) at a vertex, and the part's share of the surface."""
@@ -135,7 +135,7 @@ class Parts:
         found, rungs, middle = self._ladder(int(patches.of_vertex[vertex]))
         chosen = rungs[min(max(middle + level, 0), len(rungs) - 1)]
         region, node = found.regions[chosen], int(found.nodes[chosen])
-        regions = np.array(alike_regions(self._tree, node, region) if with_alike else [region])
+        regions = np.array(alike_regions(self._trees, node, region) if with_alike else [region])
         inside: Bool = np.any(regions, axis=0)
         place = int(patches.place[patches.nodes.of_vertex[vertex]])
         side = snapped(patches, inside, place if place >= 0 else None)
@@ -151,14 +151,14 @@ class Parts:
 
     def _ladder(self, patch: int) -> tuple[Candidates, list[int], int]:
         if patch not in self._ladders:
-            found = candidates(self._tree, patch)
+            found = candidates(self._trees, patch)
             self._ladders[patch] = found, *ladder(found, self._patches.area)
         return self._ladders[patch]
 
     def _count(self, inside: Bool) -> int:
         """Return the number of components of the patches `inside` (P,) that are no fragments."""
         area = self._patches.area
-        sizes = [area @ each for each in self._tree.components(inside)]
+        sizes = [area @ each for each in self._trees.components(inside)]
         return int(sum(size > FRAGMENT * max(sizes) for size in sizes))
 
     def _at_vertices(self, masks: Sequence[Bool]) -> Int64:
@@ -194,8 +194,8 @@ class Parts:
         return Patches(self._mesh, self._planes())
 
     @cached_property
-    def _tree(self) -> Tree:
-        return Tree(self._patches, self._patches.means(self._features))
+    def _trees(self) -> Trees:
+        return Trees(self._patches, self._patches.means(self._features))
 
 
 def cut_document(found: Sequence[Part]) -> dict[str, Any]:

@@ -30,7 +30,7 @@ def test_nodes_are_what_the_whole_graph_has_within_each_cell(small_runs, sample)
     gathered = Nodes(mesh)
     graph = surface_graph(mesh).tocoo()
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    cell = np.floor((mesh.vertices - low) / ((high - low).max() / 12)).astype(int)
+    cell = np.rint((mesh.vertices - (low + high) / 2) / ((high - low).max() / 12)).astype(int)
     row, column = graph.coords
     graph.data[(cell[row] != cell[column]).any(axis=1)] = 0
     graph.eliminate_zeros()

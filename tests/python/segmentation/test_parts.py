@@ -75,7 +75,7 @@ def test_parts_of_higher_levels_contain_those_of_lower_levels(chair, chair_parts
         for smaller, larger in pairwise(found):
             assert smaller.share == larger.share or larger.share >= 1.25 * smaller.share
         smaller, part, larger = (each.mask for each in found[2:5])
-        assert overlap(smaller & part, smaller) > 0.5  # borders move to creases, also those of tiny parts
+        assert overlap(smaller & part, smaller) > 0.4  # borders move to creases, also those of tiny parts
         assert overlap(part & larger, part) > 0.8
 
 

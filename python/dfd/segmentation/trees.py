@@ -1,8 +1,8 @@
-"""Merge patches into a tree of parts: neighbors without a boundary between them first.
+"""Merge patches into trees of regions: neighbors without a boundary between them first.
 
 The strength of a boundary comes from its crease and from the distance of the features on both sides. The merged regions
 with the weakest boundary are next, as in hierarchies of images (Arbeláez et al., "Contour detection and hierarchical
-image segmentation", 2011). Patches that are mirror images of each other are one leaf of the tree, so each tree node is
+image segmentation", 2011). Patches that are mirror images of each other are one leaf of each tree, so each node is
 symmetric. Lengths have the unit of `Patches`. (T,) arrays have one entry for each tree node.
 """
 
@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import diags_array
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from dfd.common.linear_algebra import Bool, Float64, group_sums, principal_directions
+import dfd._core as _core
+from dfd.common.linear_algebra import Bool, Float64, Int32, group_sums, principal_directions
 from dfd.segmentation.patches import Patches
 
 DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
@@ -24,14 +24,20 @@ STEP = 0.15  # feature distance of two patches that divides the rate of smoothin
 ROUNDS = 3  # rounds of smoothing; each computes the rates from the features that the previous round smoothed
 # The strength of a boundary is the logistic function of BIAS + CONCAVE × concavity + STEEP × feature distance.
 BIAS, CONCAVE, STEEP = -2.8, 6.0, 1.0
-FEATURES = 0.6  # weight of the distance of the regions' mean features, beside the strength of their boundary
+FEATURES = (0.3, 0.6, 1.2)  # weights of the distance of the regions' mean features, one for each tree
+SMALLEST = 0.001  # smallest area of a region, as a share of the surface
+LEAST_LIMIT = 0.02  # added to the divisor of persistence, so that noise near 0 does not count
 LEAST_PATCH = 1e-9  # smallest area of a patch in the smoothing, as a share of the surface
 LEAST_SPREAD = 0.05  # smallest divisor of the features: if all features of a shape are nearly equal, they are noise
 SHORTEST = 1e-9  # length of a boundary across a small gap
 
 
-class Tree:
-    """The tree of all parts of one shape. Orbits of patches are its leaves. Each other node merges two earlier nodes.
+class Trees:
+    """Trees of the regions of one shape. Orbits of patches are their leaves. Each node merges two earlier nodes.
+
+    Nobody knows how much the mean features of two regions count beside the boundary between them. So there is a tree
+    for each of several weights. (T,) arrays have one entry for each region that is a node of any tree, and not smaller
+    than `SMALLEST`.
 
     Attributes
     ----------
@@ -44,41 +50,60 @@ class Tree:
     strength
         (E,) strength of the boundary at each border of the patches, in [0, 1].
     inside
-        (T, P) whether a patch belongs to a tree node.
-    parent
-        (T,) index of the tree node that contains each node; −1 for the root.
-    height
-        (T,) strength of the boundary that disappeared in each tree node; 0 for leaves.
+        (T, P) whether a patch belongs to a region.
+    votes
+        (T,) number of trees in which the region is a node.
+    persistence
+        (T,) how much weaker the boundaries inside a region are than the boundary around it, in [0, 1]; the mean over
+        its trees.
     """
 
     def __init__(self, patches: Patches, features: Float64) -> None:
-        """Build the tree from `features` (P, D) of the patches."""
+        """Build the trees from `features` (P, D) of the patches."""
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
         smooth = smoothed(patches, features)
         spread = float(np.sqrt(patches.area @ np.square(smooth - patches.area @ smooth).sum(axis=1)))
         self.values = smooth / max(spread, LEAST_SPREAD)
         one, other = patches.borders.pairs.T
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
-        drive = BIAS + CONCAVE * patches.borders.concavity.clip(0.0, 1.0) + STEEP * self.steps
-        self.strength = 1 / (1 + np.exp(-drive))
-        children, height = self._merged()
-        leaves = patches.orbit.max() + 1
-        self.parent = np.full(leaves + len(children), -1)
-        inside = np.zeros((len(self.parent), leaves), bool)
-        inside[:leaves] = np.eye(leaves, dtype=bool)
-        for node, pair in enumerate(children, start=leaves):
-            inside[node] = inside[pair].any(axis=0)
-            self.parent[pair] = node
-        self.inside, self.height = inside[:, patches.orbit], np.concatenate([np.zeros(leaves), height])
+        concavity = patches.borders.concavity.clip(0.0, 1.0)
+        self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * concavity - STEEP * self.steps))
+        found = [self._tree(features) for features in FEATURES]
+        inside, persistence = (np.concatenate(each) for each in zip(*found, strict=True))
+        bits = np.packbits(inside, axis=1)
+        first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
+        self.votes = np.bincount(which)
+        self.inside = inside[first][:, patches.orbit]
+        self.persistence = np.bincount(which, persistence) / self.votes
+
+    def _tree(self, features: float) -> tuple[Bool, Float64]:
+        """Return the orbits (T, L) in each node of a tree, and its persistence, for a weight of the mean features."""
+        children, heights = self._merged(features)
+        area = np.bincount(self.patches.orbit, self.patches.area)
+        leaves = len(area)
+        size = np.ones(leaves + len(children), np.int64)
+        for node, (one, other) in enumerate(children, start=leaves):
+            size[node] = size[one] + size[other]
+        # In the order of a walk through the tree, the leaves of a node are consecutive.
+        start, height = np.zeros(len(size), np.int64), np.concatenate([np.zeros(leaves), heights])
+        limit = height.copy()
+        for node, (one, other) in reversed(list(enumerate(children, start=leaves))):
+            start[one], start[other] = start[node], start[node] + size[one]
+            limit[one] = limit[other] = height[node]
+        along = np.cumsum(np.append(0.0, area[np.argsort(start[:leaves])]))
+        large = np.flatnonzero(along[start + size] - along[start] >= SMALLEST)
+        place = start[:leaves] - start[large, None]
+        inside = (place >= 0) & (place < size[large, None])
+        return inside, np.asarray(((limit - height) / (limit + LEAST_LIMIT))[large], np.float64)
 
     @cached_property
     def areas(self) -> Float64:
-        """Return the area of each tree node, (T,), as a share of the surface."""
+        """Return the area of each region, (T,), as a share of the surface."""
         return self.inside @ self.patches.area
 
     @cached_property
     def means(self) -> Float64:
-        """Return the mean `values` (T, K) of each tree node."""
+        """Return the mean `values` (T, K) of each region."""
         return (self.inside * self.patches.area) @ self.values / self.areas[:, None]
 
     def mean(self, region: Bool) -> Float64:
@@ -93,23 +118,27 @@ class Tree:
         beside[pairs[np.not_equal(*region[pairs.T])]] = True
         return beside & ~region
 
+    def labels(self, inside: Bool) -> Int32:
+        """Return the number of the connected component of each of the patches `inside` (P,), and others, (P,)."""
+        one, other = self._ends
+        ends = np.flatnonzero(inside[one] & inside[other])
+        return _core.components(len(inside), np.zeros((0, 3), np.int32), np.stack([one[ends], other[ends]], axis=1))
+
+    @cached_property
+    def _ends(self) -> Int32:
+        """Return the patches (2, E) on both sides of each border."""
+        return np.ascontiguousarray(self.patches.borders.pairs.T, np.int32)
+
     def components(self, inside: Bool) -> list[Bool]:
         """Return the connected components (P,) of the patches `inside` (P,)."""
-        members = np.flatnonzero(inside)
-        number = connected_components(self.links[members][:, members], directed=False)[1]
-        found = np.zeros((number.max(initial=-1) + 1, len(inside)), bool)
-        found[number, members] = True
-        return list(found)
+        label = self.labels(inside)
+        return [label == number for number in np.unique(label[inside])]
 
-    def path(self, patch: int) -> list[int]:
-        """Return the tree nodes that contain a patch, the smallest first."""
-        nodes = [int(self.patches.orbit[patch])]
-        while self.parent[nodes[-1]] >= 0:
-            nodes.append(int(self.parent[nodes[-1]]))
-        return nodes
+    def _merged(self, features: float) -> tuple[list[list[int]], Float64]:
+        """Return the children of each inner node, and the strength of the boundary between them, never decreasing.
 
-    def _merged(self) -> tuple[list[list[int]], Float64]:
-        """Return the children of each inner node, and the strength of the boundary between them, never decreasing."""
+        `features` is the weight of the distance of the regions' mean features, beside the strength of the boundary.
+        """
         patches, orbit = self.patches, self.patches.orbit
         leaves = int(orbit.max()) + 1
         area = np.bincount(orbit, patches.area, leaves)
@@ -121,7 +150,7 @@ class Tree:
             """Return the mean strength of the boundary between two regions, plus the distance of their features."""
             length, total = beside[one][other]
             apart = means[one] - means[other]
-            return round(total / length + FEATURES * float(np.sqrt(apart @ apart)), 9)
+            return round(total / length + features * float(np.sqrt(apart @ apart)), 9)
 
         queue = [(cost(one, other), one, other) for one in range(leaves) for other in beside[one] if one < other]
         heapq.heapify(queue)
