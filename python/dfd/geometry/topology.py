@@ -134,45 +134,52 @@ def _has_area(vertices: Float64, faces: Int32) -> Bool:
     return _three_corners(faces) & large
 
 
-def by_position(vertices: NDArray[np.floating], faces: Int32) -> tuple[Int32, Int64]:
-    """Return the distinct `faces` (N, 3) in an order that positions decide, and the index (N,) of each in `faces`.
+def by_position(vertices: NDArray[np.floating], faces: Int32) -> Int64:
+    """Return the indices (N,) of the distinct `faces` (F, 3), in an order that positions decide.
 
-    The faces follow a Z-order curve (Morton 1966) through their centers, and start at their lowest corners. So samples
-    of a surface depend neither on the order of vertices and faces in a file, nor on repeated faces.
+    The faces follow a Z-order curve (Morton 1966) through their centers. So samples of a surface depend neither on the
+    order of vertices and faces in a file, nor on repeated faces.
     """
-    cell = _cells(vertices, faces)
-    key, turned = _key(cell), lowest_first(vertices, faces)
-    across, up, front = cell[faces].sum(axis=1).T
-    code = _spread(across) | _spread(up) << 1 | _spread(front) << 2
-    ends = np.sort(key[turned[:, 1:]], axis=1)
-    order = np.lexsort((key[turned[:, 1]], *ends.T, code))
-    turned = turned[order]
-    near = np.flatnonzero((np.diff(code[order]) == 0) & ~np.diff(ends[order], axis=0).any(axis=1))
-    one, other = vertices[turned[near]], vertices[turned[near + 1]]
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    cells = _cells(vertices, vertices if used.all() else vertices[used])
+    first, second, third = np.ascontiguousarray(faces.T)
+    code = np.zeros(len(faces), np.int64)
+    for axis, cell in enumerate(cells):
+        code |= _spread(cell[first] + cell[second] + cell[third]) << axis
+    order = np.argsort(code)
+    equal = np.diff(code[order]) == 0
+    tied = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
+    if len(tied) == 0:
+        return order
+    some = order[tied]
+    corners = lowest_first(vertices, faces[some])
+    key = _key(cells[:, corners])
+    ends = np.sort(key[:, 1:], axis=1)
+    ranks = np.lexsort((key[:, 1], *ends.T, key[:, 0], code[some]))
+    order[tied], corners = some[ranks], corners[ranks]
+    one, other = vertices[corners[:-1]], vertices[corners[1:]]
     same = (one == other).all(axis=(1, 2)) | (one == other[:, [0, 2, 1]]).all(axis=(1, 2))
-    kept = np.ones(len(turned), bool)
-    kept[near[same] + 1] = False
-    return turned[kept], order[kept]
+    return np.delete(order, tied[1:][same])
 
 
 def lowest_first(vertices: NDArray[np.floating], faces: Int32) -> Int32:
     """Return `faces` (F, 3), turned so that each starts at its lowest corner: by x, then y, then z."""
-    start = _key(_cells(vertices, faces))[faces].argmin(axis=1)
+    corners = vertices[faces.ravel()]
+    start = _key(_cells(corners, corners)).reshape(faces.shape).argmin(axis=1)
     return np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, axis=1)
 
 
-def _cells(vertices: NDArray[np.floating], faces: Int32) -> Int64:
-    """Return the cell (V, 3) of each vertex in a cubic grid around `faces`."""
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
-    low, high = vertices[used].min(axis=0).astype(np.float64), vertices[used].max(axis=0)
+def _cells(points: NDArray[np.floating], box_of: NDArray[np.floating]) -> Int64:
+    """Return the cell (3, N) of each of `points` (N, 3) in a cubic grid around the points `box_of` (M, 3)."""
+    low, high = box_of.min(axis=0).astype(np.float64), box_of.max(axis=0)
     size = float((high - low).max()) or 1.0
-    return np.rint((vertices - low).clip(0, size) / size * _CELLS).astype(np.int64)
+    return np.rint((points - low).clip(0, size).T * (_CELLS / size)).astype(np.int64)
 
 
-def _key(cell: Int64) -> Int64:
-    """Return a number (V,) for each `cell` (V, 3), in the order of x, then y, then z."""
-    return np.asarray((cell << [42, 21, 0]).sum(axis=1))
+def _key(cells: Int64) -> Int64:
+    """Return a number (...) for each of `cells` (3, ...), in the order of x, then y, then z."""
+    return np.asarray(cells[0] << 42 | cells[1] << 21 | cells[2])
 
 
 def _spread(values: Int64) -> Int64:
@@ -184,15 +191,14 @@ def _spread(values: Int64) -> Int64:
 
 def even_points(vertices: NDArray[np.floating], faces: Int32, count: int) -> tuple[Int32, Float32]:
     """Spread points evenly on `faces` (F, 3). Return the corners (count, 3) of their faces, and barycentric rows."""
-    faces = by_position(vertices, faces)[0]
-    # Few points of a face have no even spread about its center, so the first corners of neighboring faces differ.
-    turn = np.arange(len(faces))[:, None] + np.arange(3)
-    faces = np.take_along_axis(faces, turn % 3, axis=1)
-    areas = face_areas(vertices, faces)
+    order = by_position(vertices, faces)
+    areas = face_areas(vertices, faces)[order]
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     face, barycentric = points_on_faces(np.bincount(hit, minlength=len(areas)))
-    return faces[face], barycentric
+    corners = lowest_first(vertices, faces[order[face]])
+    # Few points of a face have no even spread about its center, so the first corners of neighboring faces differ.
+    return np.take_along_axis(corners, (face[:, None] + np.arange(3)) % 3, axis=1), barycentric
 
 
 def sample_surface(
@@ -203,14 +209,14 @@ def sample_surface(
     Samples are stratified: the faces, in the order of `by_position`, are divided into `count` intervals of equal area
     with one sample each.
     """
-    faces, order = by_position(vertices, faces)
-    total = np.cumsum(face_areas(vertices, faces))
+    order = by_position(vertices, faces)
+    total = np.cumsum(face_areas(vertices, faces)[order])
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
-    face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
+    face = order[np.searchsorted(total, at, side="right").clip(0, len(order) - 1)]
     u, v = generator.random((2, count))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    first, second, third = vertices[faces[face]].astype(np.float64).transpose(1, 0, 2)
-    return first + u[:, None] * (second - first) + v[:, None] * (third - first), order[face]
+    first, second, third = vertices[lowest_first(vertices, faces[face])].astype(np.float64).transpose(1, 0, 2)
+    return first + u[:, None] * (second - first) + v[:, None] * (third - first), face
 
 
 def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
