@@ -389,6 +389,7 @@ class MeshMessage(Answer):
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
     warnings: tuple[str, ...]  # problems that were found while the file was read, as sentences
+    recent: tuple[RecentShape, ...] = ()  # other shapes that were edited
 
 
 class ColumnsMessage(Answer):

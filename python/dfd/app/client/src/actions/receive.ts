@@ -22,6 +22,7 @@ export function receive({ message, payload }: Received): void {
       store.set({
         ...CLOSED,
         page: "shape",
+        recent: message.recent,
         mesh: message,
         meshArrays: payload,
         surface: surfaceOf(

@@ -5,7 +5,7 @@ import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
+import { handleCount, IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -31,12 +31,16 @@ const TOOLS = ["H", "X", "B", "M", "P"];
 const MODES = ["W", "E", "R", "D"];
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
+  const { edit, mesh, recent, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", "Ctrl O", chooseFiles],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
+  const earlier = recent.map(({ key, name, handles, present }): MenuItem => {
+    const hint = present ? handleCount(handles) : "the file is gone";
+    return [titled(name), hint, present ? () => send({ type: "open_recent", key }) : null];
+  });
   const saved = [
     exported("Save session", "JSON", "edit"),
     exported("Save field", "safetensors", "field", ready({ edit })),
@@ -76,6 +80,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     ]);
     const groups = [
       open,
+      earlier,
       keyItems(TOOLS),
       keyItems(["A", "C", "T", "?"]),
       looks,
@@ -99,7 +104,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   return (
     <header class="topbar">
       <div class="bar-group">
-        <Menu icon="open" label="File" groups={[open, saved]} />
+        <Menu icon="open" label="File" groups={[open, earlier, saved]} />
         {name}
       </div>
       <div class="bar-group">
