@@ -13,7 +13,9 @@ import dfd
 from dfd.app.options import SessionOptions
 from dfd.app.session.parts import ShapeParts
 from dfd.editing.deformer import Deformer
+from dfd.editing.presets import PRESETS
 from dfd.field.field import Field
+from dfd.symmetry.search import symmetry_planes
 
 UNBENT = {"bend": [0, 0, 0], "twist": 0, "joint": None}
 REST = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
@@ -56,8 +58,6 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
 
 
 def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: Page, deformer: Deformer) -> None:
-    if not page.last("state")["field"]["parts"]:
-        page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     count = len(deformer.mesh.vertices)
     vertex = next(each for each in range(0, count, 20) if deformer.part(each, level=1) != deformer.part(each))
     part, larger = (deformer.part(vertex, level=level).indices for level in (0, 1))
@@ -146,8 +146,6 @@ def test_what_a_file_makes_one_thing_is_taken_as_the_part(options: SessionOption
 
 def test_a_mirror_plane_that_is_found_is_on_until_it_is_switched_off(new_page: Page) -> None:
     state = new_page.last("state")
-    if not state["field"]["parts"]:
-        state = new_page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     assert state["symmetry"]["normal"] == state["planes"][0]["normal"]
     new_page.ask("add", at=5)
     new_page.ask("clear")
@@ -331,3 +329,13 @@ def test_downloads_are_named_by_the_server_alone(page: Page) -> None:
             f"/download/{'0' * 32}/{'0' * 32}",
         ):
             assert http.get(path).status_code == 404
+
+
+def test_planes_of_another_preset_are_found_when_it_is_chosen(new_page: Page, deformer: Deformer) -> None:
+    rules = PRESETS["paper"]
+    wanted = symmetry_planes(deformer.field, deformer.mesh, candidates=rules.candidates, threshold=rules.threshold)
+    new_page.ask("set_preset", preset="paper")
+    found = new_page.until(lambda each: each["type"] == "state" and len(each["planes"]) == len(wanted))
+    assert found["preset"] == "paper"
+    assert [tuple(each["normal"]) for each in found["planes"]] == [plane.normal for plane in wanted]
+    assert wanted, "the chair has two sides that look alike"

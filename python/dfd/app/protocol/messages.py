@@ -403,11 +403,17 @@ class ColumnsMessage(Answer):
 
 
 class HeatMessage(Answer):
-    """Answer to `probe` and `take_part`. The array `values` uint16 (V,) has weights times 65535."""
+    """Answer to `probe` and `take_part`, or exact weights after a `probe`.
+
+    The array `values` uint16 (V,) has weights times 65535.
+    """
 
     type: Literal["heat"] = "heat"
     vertex: int | None  # the vertex of the `probe`; null for `take_part`
     level: int = 0  # the level of the `probe`
+    # Whether the values are those of a new handle. If not, they are an approximation, and exact ones follow if the
+    # page sends no other request.
+    exact: bool = False
 
 
 class PositionsMessage(Answer):

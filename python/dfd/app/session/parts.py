@@ -21,8 +21,7 @@ class ShapeParts:
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self.ready = False  # whether the background work that all parts need is done
-        self._found: Recent[tuple[VertexSet, str]] = Recent(MOST_KEPT)
+        self._found: Recent[VertexSet] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
     @property
@@ -47,18 +46,8 @@ class ShapeParts:
 
     def at(self, vertex: int, level: int = 0) -> VertexSet:
         """Return the part at a vertex, with its counterparts."""
-        return self._described(vertex, level)[0]
-
-    def _described(self, vertex: int, level: int) -> tuple[VertexSet, str]:
-        """Return the part at a vertex, with its counterparts, and its number of components and its size in words."""
-
-        def find() -> tuple[VertexSet, str]:
-            part = self._deformer.bound.parts.part(vertex, level)
-            size = "less than 1" if part.share < 0.005 else f"{100 * part.share:.0f}"
-            alike = f"{part.components} alike, " if part.components > 1 else ""
-            return VertexSet.of(self._mesh, part.mask), f"{alike}{size} % of the surface"
-
-        return self._found.get((vertex, level), find)
+        parts = self._deformer.bound.parts
+        return self._found.get((vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask))
 
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
         """Return the parts at a vertex from the smallest to the largest."""
@@ -66,17 +55,25 @@ class ShapeParts:
         return tuple(self._step(vertex, level) for level in range(lowest, highest + 1))
 
     def _step(self, vertex: int, level: int) -> LadderStep:
-        part, text = self._described(vertex, level)
-        nodes, whole = nodes_of(self._mesh), len(part.indices) == len(self._mesh.vertices)
-        inside = np.zeros(len(nodes.component), bool)
-        inside[nodes.of_vertex[part.indices]] = True
+        parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
+        component = parts.components(vertex, level)
+        if component is None:  # the part is the whole shape, or has no clear border
+            part = parts.part(vertex, level)
+            share, count, inside = part.share, part.components, np.zeros(len(nodes.component), bool)
+            inside[nodes.of_vertex[part.vertices]] = True
+        else:
+            count, inside = int(component.max()) + 1, component >= 0
+            share = float(nodes.area @ inside / nodes.area.sum())
+        whole = bool(inside[nodes.used].all())
+        alike = f"{count} alike, " if count > 1 else ""
+        size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
         touches = nodes.graph[inside].indices
         return LadderStep(
             level=level,
-            text="the whole shape" if whole else text,
-            found=whole or self._deformer.bound.parts.components(vertex, level) is not None,
+            text="the whole shape" if whole else f"{alike}{size} % of the surface",
+            found=whole or component is not None,
             leaves=not held[touches].all(),
         )
 
@@ -144,4 +141,4 @@ class ShapeParts:
         mask = handle.controls.mask
         if not isinstance(mask, VertexSet):
             return False
-        return mask == handle.place.region or (self.ready and mask == self.of(handle))
+        return mask == handle.place.region or mask == self.of(handle)

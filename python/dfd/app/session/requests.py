@@ -54,6 +54,7 @@ def answer(session: Session, message: Request) -> None:
 @request
 def probe(session: Session, vertex: Index, level: int = 0) -> ArrayAnswer:
     """Approximate the weights of a dragged new handle. Only the newest `probe` is answered. Answer: `heat`."""
+    session.require().pointed = vertex, level
     return _heat(probed(session.deformer, vertex, level), vertex, level)
 
 

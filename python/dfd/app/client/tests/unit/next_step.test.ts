@@ -17,7 +17,7 @@ describe("nextStep", () => {
     ["a shape without handles", rests, /^Click a part/],
     [
       "a pointer on a part",
-      { ...rests, probe: { vertex: 7, level: 2, weights: new Uint16Array() } },
+      { ...rests, probe: { vertex: 7, level: 2, exact: false, weights: new Uint16Array() } },
       /^3 of 3: part 2 · click/,
     ],
     ["a new handle", held, /^Drag an arrow · \[ \] smaller or larger · D bends/],
