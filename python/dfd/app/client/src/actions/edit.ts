@@ -5,6 +5,8 @@ import { MathUtils } from "three";
 import { axisIn, typedMotion, type Transform } from "../posing/affine";
 import type { Controls, HandleState, Move, PoseTransform, TakePart } from "../protocol/messages";
 import {
+  draws,
+  isolates,
   otherPlaces,
   present,
   ready,
@@ -40,6 +42,13 @@ export function preview(vertex: number, by: -1 | 1): void {
   if (next === null) return;
   store.set({ level: next });
   send({ type: "probe", vertex, level: next });
+}
+
+/** Show the weights that a new handle at a vertex would have. */
+export function showWeights(vertex: number): void {
+  const state = store.get();
+  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state))
+    send({ type: "probe", vertex, level: state.level });
 }
 
 /** Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. */
@@ -89,7 +98,7 @@ export function regionOf(weights: Uint16Array): { mask: string } {
 export function suggest(): void {
   if (store.get().suggestions.length > 0) store.set({ suggestions: [] });
   else if (ready(store.get())) send({ type: "suggest" });
-  else note("Handles can be suggested after the features are learned.");
+  else note("Handles can be suggested when parts can be held.");
 }
 
 const SLIDER_INTERVAL = 80; // milliseconds between two requests while a slider moves

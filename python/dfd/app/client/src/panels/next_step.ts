@@ -24,6 +24,11 @@ function onTouch(words: string): string {
     .replace(/\bclick\b/g, "tap");
 }
 
+/** Return when parts can be held. The parts of the geometry are found soon, unless the user stopped the work. */
+export function whenReady({ edit }: Pick<State, "edit">): string {
+  return edit?.field.status === "none" ? "after the features are learned" : "in a moment";
+}
+
 export function nextStep(state: State, touch = matchMedia("(pointer: coarse)").matches): string {
   return touch ? onTouch(words(state)) : words(state);
 }
@@ -42,7 +47,7 @@ function words(state: State): string {
       : "";
   if (comparing) return "The original shape · C shows the edit";
   if (moment) return "A moment of the timeline · Use this pose, or go back to the edit";
-  if (!ready(state)) return "Drag to orbit · parts can be held when the features are learned";
+  if (!ready(state)) return `Drag to orbit · parts can be held ${whenReady(state)}`;
   if (painted) return "Fix the selection, or add a handle: the buttons are beside it";
   if (tool !== "hold") return HINTS[tool];
   if (typeof probe?.vertex === "number" && probe.vertex !== handle?.vertex) {

@@ -13,11 +13,11 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   possible ? () => void exportAs(format) : null,
 ];
 
-/** Return menu items for the actions of keyboard shortcuts. */
-function keyItems(group: readonly string[]): readonly MenuItem[] {
+/** Return menu items for the actions of keyboard shortcuts. They show the keys, unless the page is on a phone. */
+function keyItems(group: readonly string[], shown = true): readonly MenuItem[] {
   return SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [
     label,
-    keys,
+    shown ? keys : "",
     () => void run(),
   ]);
 }
@@ -26,7 +26,7 @@ const VIEWS = [
   ["F", "Shift F", "5"],
   ["1", "3", "7"],
   ["Shift 1", "Shift 3", "Shift 7"],
-].map(keyItems);
+];
 const TOOLS = ["H", "X", "B", "M", "P"];
 const MODES = ["W", "E", "R", "D"];
 
@@ -34,7 +34,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const { edit, mesh, recent, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
-    ["Open a mesh or session…", "Ctrl O", chooseFiles],
+    ["Open a mesh or session…", narrow ? "" : "Ctrl O", chooseFiles],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
   const earlier = recent.map(({ key, name, handles, present }): MenuItem => {
@@ -78,16 +78,16 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       each === look ? "now" : "",
       () => store.set({ look: each }),
     ]);
+    const short = (keys: readonly string[]) => keyItems(keys, false);
     const groups = [
-      open,
+      [...open, ...saved],
       earlier,
-      keyItems(TOOLS),
-      keyItems(["A", "C", "T", "?"]),
-      looks,
-      ...VIEWS,
-      saved,
+      short(TOOLS),
+      short(["A", "C", "T", "?"]),
       shapes,
       rigs,
+      looks,
+      ...VIEWS.map(short),
       history,
     ];
     return (
@@ -96,7 +96,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         {name}
         {undo}
         {redo}
-        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES)]} />
+        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES, false)]} />
         {inspect}
       </header>
     );
@@ -114,7 +114,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
-        <Menu icon="views" label="Views" groups={VIEWS} />
+        <Menu icon="views" label="Views" groups={VIEWS.map((keys) => keyItems(keys))} />
         <KeyButton icon="wire" keys="Z" pressed={wireframe} />
       </div>
       <div class="bar-group end">

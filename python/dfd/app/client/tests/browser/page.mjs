@@ -92,6 +92,8 @@ function installHook() {
         const box = stage.canvas.getBoundingClientRect();
         return at && [at[0] + box.left, at[1] + box.top];
       },
+      /** Return whether the gizmo is shown, and so takes the pointer. */
+      hasGizmo: () => viewer.gizmo.helper.visible,
       camera: () => stage.camera.position.toArray(),
       /** Return the unit vector from the point at the middle of the view to the camera. */
       direction: () => stage.camera.position.clone().sub(stage.orbit.target).normalize().toArray(),

@@ -187,7 +187,9 @@ step("with locality and symmetry, the shader's pose equals the kernel's", async 
 });
 
 step("a fixed point stays in place", async () => {
+  assert.ok(await page.evaluate(() => window.dfd.hasGizmo()));
   await page.keyboard.press("x");
+  await until(page, (s) => s.tool === "fix" && !window.dfd.hasGizmo());
   const taken = await state(page, (s) => s.edit.handles[0].vertex);
   const count = await state(page, (s) => s.mesh.vertices);
   const others = Array.from({ length: 80 }, (_, i) => Math.floor(((i + 0.3) / 80) * count)).filter((v) => v !== taken);
