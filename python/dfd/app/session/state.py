@@ -39,30 +39,33 @@ class Editing:
         self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
-        self.pointed: tuple[int, int] | None = None  # the vertex and level of the latest probe, until `exact_probe`
+        self.pointed: tuple[int, float] | None = None  # the vertex and level of the latest probe, until `exact_probe`
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
         self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
         self._edit: Edit | None = None  # the edit for which the bands were compared last
 
-    def exact_probe(self) -> tuple[int, int, Float32] | None:
+    def exact_probe(self) -> tuple[int, float, Float32] | None:
         """Return the vertex and level of the latest probe, and the weights (V,) that a new handle there has at rest.
 
         The caller has no other request to answer, because the part of a handle takes longer than a probe. A click there
         then needs less time. Return None if there was no new probe, or the place cannot have a handle.
         """
         pointed, self.pointed = self.pointed, None
-        if pointed is None:
-            return None
-        (vertex, level), deformer = pointed, self.deformer
-        number = 1 + max((handle.id for handle in deformer.handles), default=0)
-        with suppress(ValueError):  # for example, the place has a handle already
-            edit = verbs.add(deformer.edit, deformer.bound, number, vertex, name=None, level=level)
-            bands = self._bands_shown_in(edit)
-            weights, columns = deformer.bound.columns(edit, bands)
-            own = [i for i, column in enumerate(columns) if column.handle == len(edit.handles) - 1]
-            return vertex, level, weights[:, own].sum(axis=1)
+        if pointed is not None:
+            with suppress(ValueError):  # for example, the place has a handle already
+                return *pointed, self.resting_weights(*self.parts.place_at(*pointed))
         return None
+
+    def resting_weights(self, at: Any, level: int) -> Float32:
+        """Return the weights (V,) that the page shows for a new handle. Raises ValueError as `Deformer.add` does."""
+        before, bound = self.deformer.edit, self.deformer.bound
+        number = 1 + max((handle.id for handle in before.handles), default=0)
+        edit = verbs.add(before, bound, number, at, name=None, level=level)
+        weights, columns = bound.columns(edit, self._bands_shown_in(edit))
+        own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
+        found: Float32 = weights[:, own].sum(axis=1)
+        return found
 
     def has_stale_bands(self) -> bool:
         """Return whether the page's columns have other blend bands than those of the present edit."""
