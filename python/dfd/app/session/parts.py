@@ -13,6 +13,7 @@ from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.regions import VertexSet, members
+from dfd.editing.verbs import next_level
 from dfd.geometry.coarse import nodes_of
 
 UNITS: tuple[PartChange, ...] = ("scene_part", "material", "component")
@@ -139,17 +140,11 @@ class ShapeParts:
             self._origins[found] = origin
             given: dict[str, Any] = {"at": found, "level": 0}
         else:
-            # Levels beyond the smallest or the largest part stand for that part.
-            lowest, highest = self._deformer.bound.parts.levels(origin)
-            level = min(max(handle.controls.level, lowest), highest)
-            found = self.at(origin, level + step)
-            if not lowest <= level + step <= highest:
-                raise ValueError(f"There is no {how} part here")
-            given = {"level": level + step, "reach": "part"}
+            given = {"level": next_level(self._deformer.bound, origin, handle.controls.level, step), "reach": "part"}
             if isinstance(handle.place.region, VertexSet):
                 given["at"] = origin
         if self.limits(handle):
-            given["mask"] = found
+            given["mask"] = given["at"] if step is None else self.at(origin, given["level"])
         return given
 
     def origin(self, handle: Handle) -> int:
