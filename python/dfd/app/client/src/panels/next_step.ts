@@ -14,9 +14,16 @@ const HINTS = {
 const MOTIONS = { translate: "Move", rotate: "Rotate", scale: "Scale", bend: "Bend" } as const;
 const GRIPS = { translate: "an arrow", rotate: "a ring", scale: "a cube", bend: "the tip" } as const;
 
+/** Entries of the menu in place of keys. */
+const IN_MENU: Record<string, string> = {
+  "X keeps a point still": "menu: fix points",
+  "K stores a pose": "menu: timeline",
+};
+
 /** Return the words with "Tap" in place of "Click" on a touch screen, and without keys. */
 function onTouch(words: string): string {
-  const parts = words.split(" · ").filter((part) => !/^([A-Z] |Esc|wheel|Shift|right)/.test(part));
+  const said = words.split(" · ").map((part) => IN_MENU[part] ?? part);
+  const parts = said.filter((part) => !/^([A-Z] |Esc|wheel|Shift|right)/.test(part));
   return parts
     .join(" · ")
     .replace("[ ]", "inspector:")

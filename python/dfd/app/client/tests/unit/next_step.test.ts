@@ -39,6 +39,7 @@ describe("nextStep", () => {
   it("names no keys on a touch screen", () => {
     expect(nextStep(rests, true)).toMatch(/^Tap a part/);
     expect(nextStep(held, true)).toBe("Drag an arrow · inspector: smaller or larger");
+    expect(nextStep(moved, true)).toBe("Drag an arrow · tap another part · menu: fix points · menu: timeline");
   });
 });
 
