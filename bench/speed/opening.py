@@ -2,7 +2,7 @@
 
 The mesh is a quadruped, without a field in the cache. Each row gives seconds since it was
 opened: until the page gets the mesh, until parts of the geometry can be grabbed, until the first color, and until the
-features are learned and prepared. The last columns are the seconds of a color and of a click after that.
+features are learned. The last columns are the seconds of a color and of a click after that.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from typing import Any
 import dfd
 
 SIZES = (10_000, 100_000, 1_500_000)  # faces
-COLUMNS = ("mesh", "grabbable", "first color", "learned", "prepared", "next color", "click")
+COLUMNS = ("mesh", "grabbable", "first color", "learned", "next color", "click")
 PATIENCE = 600.0  # seconds
 
 
@@ -79,7 +79,6 @@ def seconds(faces: int) -> dict[str, float]:
         client.ask("probe", vertex=0)
         row["first color"] = time.perf_counter() - began
         reached("learned", lambda message: message["type"] == "state" and message["field"]["origin"] == "distilled")
-        reached("prepared", lambda message: (message.get("task"), message.get("stage")) == ("prepare", "done"))
         row["next color"] = client.ask("probe", vertex=7)
         row["click"] = client.ask("add", at=int(mesh.vertices[:, 1].argmin()))
         client.session.close_shape()

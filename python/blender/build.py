@@ -14,8 +14,11 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-# Packages that dfd imports to read a field and compute weights and geodesic distances. Blender contains NumPy.
+# Packages that dfd imports to read a field and compute weights and geodesic distances. Blender contains NumPy, which
+# some of them need, so they are downloaded without the packages that they need.
 NEEDED = ("nanobind-backend", "pillow", "safetensors", "scipy", "threadpoolctl", "trimesh")
+# pydantic reads edit files. It needs one version of pydantic-core, so pip chooses its packages.
+WITH_DEPENDENCIES = ("pydantic",)
 MANIFEST = "blender_manifest.toml"
 
 
@@ -31,11 +34,13 @@ def main(folder: Path) -> Path:
         inside = Path(temporary) / "wheels"
         inside.mkdir()
         shutil.copy2(wheels[-1], inside)
-        subprocess.run(
-            [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--only-binary=:all:",
-             "-c", str(HERE.parents[1] / "constraints.txt"), "-d", str(inside), *NEEDED],
-            check=True,
-        )  # fmt: skip
+        constraints = str(HERE.parents[1] / "constraints.txt")
+        for packages in (("--no-deps", *NEEDED), WITH_DEPENDENCIES):
+            subprocess.run(
+                [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "-c", constraints,
+                 "-d", str(inside), *packages],
+                check=True,
+            )  # fmt: skip
         target = folder / "dfd_weights.zip"
         beside = target.with_suffix(".part")
         with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as extension:

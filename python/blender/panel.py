@@ -30,6 +30,7 @@ class DFD_PT_weights(OfMesh, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "preset")
         layout.operator("dfd.distill")
         layout.operator("dfd.weigh")
+        layout.operator("dfd.apply", icon="FILE_FOLDER")
         layout.operator("dfd.parts")
         for index, handle in enumerate(settings.handles):
             box = layout.box()

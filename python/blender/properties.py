@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
@@ -10,9 +11,10 @@ from dfd.common.described import about, words_of
 from dfd.editing.controls import Controls
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 
-from .vertex_groups import refresh
+from .vertex_groups import paused, refresh
 
 PRESET_ITEMS = [("default", "Default", "The defaults of dfd"), ("paper", "Paper", "The paper's equations exactly")]
+LEAST = 1e-6  # smallest value of a property that must be above 0
 AXES = [
     ("AUTO", "Best fit", "Compare bounding boxes of the mesh and the field to choose one of the options below"),
     ("SAME", "The object's own", "The field has the same axes as the mesh in Blender"),
@@ -29,15 +31,20 @@ def _update(handle: HandleSettings, context: bpy.types.Context) -> None:
 
 
 def _update_all(settings: ObjectSettings, context: bpy.types.Context) -> None:
-    """Update every vertex group after a change of the field or the axes."""
+    """Update every vertex group after a change of the field or the axes. One update is enough for all of an edit."""
+    refreshed = set()
     for handle in settings.handles:
-        refresh(settings.id_data, handle)
+        if handle.edit_id == 0 or not refreshed:
+            refresh(settings.id_data, handle)
+        if handle.edit_id:
+            refreshed.add(handle.edit_id)
 
 
 def _reset(settings: ObjectSettings, context: bpy.types.Context) -> None:
     """Set the controls of every handle to the preset's values, which updates every vertex group."""
     for handle in settings.handles:
         settings.start(handle)
+    _update_all(settings, context)
 
 
 PROPERTIES: dict[str, Any] = {}  # Blender properties for the controls that change weights
@@ -54,7 +61,8 @@ for name, (kind, said) in about(Controls).items():
         how["default"] = PARTLESS_REACH if isinstance(default, str) else default or 0.0
         how |= {"soft_max": said.slider[1]} if said.unit is None else {"subtype": "DISTANCE"}
         how |= {} if said.maximum is None else {"max": said.maximum}
-        PROPERTIES[name] = bpy.props.FloatProperty(**how, min=said.slider[0] if said.exclusive else said.minimum)
+        least = LEAST if said.exclusive and default is not None else said.minimum
+        PROPERTIES[name] = bpy.props.FloatProperty(**how, min=least, soft_min=said.slider[0])
     elif words := words_of(kind):
         items = [(word, word.capitalize(), "") for word in words]
         PROPERTIES[name] = bpy.props.EnumProperty(**how, items=items, default=default)
@@ -70,6 +78,7 @@ class HandleSettings(bpy.types.PropertyGroup):
     """One handle with its controls. The name of the handle is also the name of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
+    edit_id: bpy.props.IntProperty(description="Id of the handle in the object's edit; 0 if it is of no edit")
     note: bpy.props.StringProperty(description="Error of the last change")
 
     def controls(self) -> dict[str, Any]:
@@ -77,6 +86,16 @@ class HandleSettings(bpy.types.PropertyGroup):
         given = {name: getattr(self, name) for name in PROPERTIES if name not in WORDS}
         given |= {control: word for switch, (control, word) in WORDS.items() if getattr(self, switch)}
         return {name: value for name, value in given.items() if value or getattr(Controls, name) is not None}
+
+    def set(self, controls: Mapping[str, Any]) -> None:
+        """Set the controls, without an update of the vertex group. Regions stay in the edit, and are not shown."""
+        with paused():
+            for name, value in controls.items():
+                for switch, (control, word) in WORDS.items():
+                    if control == name:
+                        setattr(self, switch, value == word)
+                if name in PROPERTIES and isinstance(value, (bool, int, float, str)):
+                    setattr(self, name, PARTLESS_REACH if f"{name}_{value}" in WORDS else value)
 
 
 HandleSettings.__annotations__.update(PROPERTIES)
@@ -93,15 +112,11 @@ class ObjectSettings(bpy.types.PropertyGroup):
         name="Preset", description="Initial controls of handles", items=PRESET_ITEMS, default="default", update=_reset
     )
     handles: bpy.props.CollectionProperty(type=HandleSettings)
+    edit: bpy.props.StringProperty(description="The text of the edit file that was applied")
 
     def start(self, handle: HandleSettings) -> None:
-        """Set the controls of a handle to the preset's values."""
-        for name, value in PRESETS[self.preset].handle.items():
-            for switch, (control, word) in WORDS.items():
-                if control == name:
-                    setattr(handle, switch, value == word)
-            if name in PROPERTIES:
-                setattr(handle, name, PARTLESS_REACH if f"{name}_{value}" in WORDS else value)
+        """Set the controls of a handle to the preset's values, without an update of the vertex group."""
+        handle.set(PRESETS[self.preset].handle)
 
 
 class Preferences(bpy.types.AddonPreferences):

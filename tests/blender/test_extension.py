@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -194,6 +195,152 @@ def test_removed_handles_take_their_group_along(ball, field_file):
     assert [group.name for group in ball.vertex_groups] == ["dfd 9"]
     with pytest.raises(RuntimeError, match="There is no handle 4"):
         bpy.ops.dfd.remove(index=4)
+
+
+class Session:
+    """The edit of a session, computed by the modules that need no package that Blender lacks."""
+
+    def __init__(self, of: bpy.types.Object, field_file: Path) -> None:
+        import dfd
+        from dfd.editing.edit import Edit
+        from dfd.editing.influence.handle_weights import HandleWeights
+
+        self.field = dfd.Field.load(field_file)
+        self.mesh = dfd.Mesh(coordinates(of), triangles(of))
+        self.bound, self.edit = HandleWeights(self.mesh, self.field), Edit()
+
+    def add(self, at, name=None, **given) -> None:
+        from dfd.editing.verbs import add
+
+        self.edit = add(self.edit, self.bound, len(self.edit.handles) + 1, at, name=name, **given)
+
+    def move(self, handle: int, **given) -> None:
+        from dfd.editing.verbs import move
+
+        self.edit = move(self.edit, self.bound, handle, given)
+
+    def change(self, handle: int, **controls) -> None:
+        from dfd.editing.verbs import change
+
+        self.edit = change(self.edit, self.bound, handle, None, None, controls)
+
+    @property
+    def vertices(self) -> np.ndarray:
+        from dfd.editing.shape import PosedShape
+
+        return PosedShape(self.mesh, self.bound).of(self.edit)
+
+    @property
+    def weights(self) -> np.ndarray:
+        return self.bound.weights(self.edit)
+
+    def save(self, path: Path) -> None:
+        from dfd.editing.edit_file import write_edit
+
+        write_edit(path, self.edit, self.mesh, self.field)
+
+
+@pytest.fixture
+def session(ball, field_file) -> Session:
+    """Return an edit of the ball with a handle at a vertex, one at a region, a fixed point and two key poses."""
+    from dfd.editing.edit import Fixed
+    from dfd.editing.key_pose import KeyPose
+    from dfd.editing.points import place_on
+    from dfd.posing.transforms import Transform
+
+    session = Session(ball, field_file)
+    session.add(7, reach=0.4, falloff="sharp", translation=(0, 0, 0.5), name="tip")
+    session.add(np.arange(30, 34), reach=0.02, rotation=(0, 0, 40))
+    poses = (KeyPose(0.5, {1: Transform(translation=(0.4, 0, 0))}, "left"), KeyPose(1.5))
+    session.edit = replace(session.edit, fixed=(Fixed(place_on(session.mesh, 200)),), poses=poses)
+    return session
+
+
+@pytest.fixture
+def edit_file(session, tmp_path) -> Path:
+    session.save(tmp_path / "ball.json")
+    return tmp_path / "ball.json"
+
+
+def key(of: bpy.types.Object, name: str) -> np.ndarray:
+    points = of.data.shape_keys.key_blocks[name].points
+    found = np.empty((len(points), 3), np.float32)
+    points.foreach_get("co", found.ravel())
+    return found.astype(float)
+
+
+def test_an_edit_file_becomes_groups_and_shape_keys(ball, field_file, session, edit_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    assert bpy.ops.dfd.apply(filepath=str(edit_file)) == {"FINISHED"}
+    assert [handle.name for handle in ball.dfd.handles] == ["tip", "dfd handle 2"]
+    assert ball.dfd.handles[0].vertex == 7
+    for column, handle in enumerate(ball.dfd.handles):
+        np.testing.assert_allclose(group_weights(ball, handle.name), session.weights[:, column], atol=1e-6)
+    np.testing.assert_allclose(key(ball, "dfd edit"), session.vertices, atol=1e-6)
+    assert not ball.dfd.handles[0].reach_part
+    assert ball.dfd.handles[0].reach == pytest.approx(0.4)
+    assert ball.dfd.handles[1].reach == pytest.approx(0.02)
+    assert ball.dfd.handles[0].falloff == "sharp"
+
+
+def test_key_poses_are_animated(ball, field_file, session, edit_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    bpy.context.scene.render.fps = 24
+    bpy.ops.dfd.apply(filepath=str(edit_file))
+    session.move(1, translation=(0.4, 0, 0))
+    session.move(2, rotation=(0, 0, 0))
+    rest = coordinates(ball)
+    for frame, shown in ((0, 1), (12, 1), (18, 0.75), (24, 0.5), (36, 0), (50, 0)):
+        bpy.context.scene.frame_set(frame)
+        evaluated = ball.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        np.testing.assert_allclose(coordinates(evaluated), rest + shown * (session.vertices - rest), atol=1e-5)
+
+
+def test_sliders_of_an_edit_change_its_pose(ball, field_file, session, edit_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    bpy.ops.dfd.apply(filepath=str(edit_file))
+    ball.dfd.handles[0].reach = 0.8
+    session.change(1, reach=ball.dfd.handles[0].reach)
+    np.testing.assert_allclose(key(ball, "dfd edit"), session.vertices, atol=1e-6)
+    np.testing.assert_allclose(group_weights(ball, "tip"), session.weights[:, 0], atol=1e-6)
+    bpy.ops.dfd.remove(index=1)
+    session.edit = session.edit.removed(2)
+    np.testing.assert_allclose(key(ball, "dfd edit"), session.vertices, atol=1e-6)
+    assert [group.name for group in ball.vertex_groups] == ["tip"]
+
+
+def test_another_edit_replaces_the_first_one(ball, field_file, session, edit_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 3)
+    bpy.ops.dfd.weigh()
+    bpy.ops.dfd.apply(filepath=str(edit_file))
+    session.edit = replace(session.edit.removed(2), poses=())
+    session.save(edit_file)
+    bpy.ops.dfd.apply(filepath=str(edit_file))
+    assert [group.name for group in ball.vertex_groups] == ["dfd 3", "tip"]
+    assert [each.name for each in ball.data.shape_keys.key_blocks] == ["Basis", "dfd edit"]
+    assert ball.data.shape_keys.key_blocks["dfd edit"].value == 1
+    evaluated = ball.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    np.testing.assert_allclose(coordinates(evaluated), session.vertices, atol=1e-5)
+
+
+def test_an_edit_brings_its_field(ball, field_file, edit_file):
+    ball.dfd.axes = "SAME"
+    assert bpy.ops.dfd.apply(filepath=str(edit_file)) == {"FINISHED"}
+    assert Path(ball.dfd.field) == field_file
+
+
+def test_an_edit_that_cannot_be_read_changes_nothing(ball, field_file, edit_file, tmp_path):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    with pytest.raises(RuntimeError, match=r"none\.json"):
+        bpy.ops.dfd.apply(filepath=str(tmp_path / "none.json"))
+    broken = tmp_path / "broken.json"
+    broken.write_text(edit_file.read_text().replace('"version": 1', '"version": 99'))
+    with pytest.raises(RuntimeError, match="version"):
+        bpy.ops.dfd.apply(filepath=str(broken))
+    assert not ball.vertex_groups
+    assert not ball.dfd.handles
+    assert ball.data.shape_keys is None
 
 
 def test_what_is_missing_is_said_and_nothing_is_left(ball, field_file, tmp_path):

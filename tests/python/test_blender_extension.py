@@ -15,6 +15,7 @@ import pytest
 import dfd
 from dfd.common.distribution import DISTRIBUTION
 from dfd.field.architecture import Architecture
+from dfd.posing.transforms import Transform
 
 FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
 
@@ -64,6 +65,32 @@ def test_weights_are_those_of_a_session_however_the_file_was_turned(shape, field
         session = dfd.Deformer(shape, dfd.Field.load(field_file), preset="paper")
         session.add(5, **given)
         np.testing.assert_allclose(found.weights(5, "paper", **given), session.weights[:, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_edit_file_poses_as_in_a_session(shape, field_file, tmp_path, turned):
+    session = dfd.Deformer(shape, dfd.Field.load(field_file))
+    leg = session.add(5, reach=0.6, translation=(0, -0.2, 0.1), name="leg")
+    session.add(shape.vertices[900], reach=0.5, rotation=(0, 30, 0))
+    session.fix(int(shape.vertices[:, 1].argmax()), strength=0.5)
+    session.set_poses([dfd.KeyPose(1, {leg: Transform(translation=(0.3, 0, 0))}, "out")])
+    session.save(tmp_path / "edit.json")
+    to = in_blender if turned else np.asarray
+    found = part("shapes").Shape(to(shape.vertices), shape.faces, field_file, "AUTO")
+    edit, document = found.read(tmp_path / "edit.json")
+    applied = found.applied(edit)
+    np.testing.assert_allclose(applied.vertices, to(session.vertices), atol=1e-6)
+    np.testing.assert_allclose(applied.weights[leg], session.weights[:, 0], atol=1e-6)
+    (seconds, name, posed) = applied.poses[0]
+    session.move(leg, translation=(0.3, 0, 0))
+    session.move(session.handles[1].id, rotation=(0, 0, 0))
+    assert (seconds, name) == (1, "out")
+    np.testing.assert_allclose(posed, to(session.vertices), atol=1e-6)
+    changed = found.edit(document, {leg: {"reach": 0.3}}, "paper")
+    assert [handle.id for handle in changed.handles] == [leg]
+    assert (changed.handle(leg).controls.reach, changed.preset) == (0.3, "paper")
+    assert changed.handle(leg).transform == edit.handle(leg).transform
+    assert len(changed.fixed) == 1
 
 
 def test_weights_in_blender_need_neither_torch_nor_pydantic():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
@@ -13,6 +14,7 @@ from typing import Any
 from dfd.common.progress import Stages
 from dfd.mesh.mesh import Mesh
 
+LESS_URGENT = 5  # the process gets less processor time than one that answers a user, on systems with `os.nice`
 TICK = 0.5  # seconds after which progress is reported again, even if no item was finished
 
 
@@ -83,6 +85,8 @@ def _distill(read: Callable[[], Mesh], settings: dict[str, Any], path: Path, pip
     from dfd.distillation.distill import distill
 
     stages = SentStages(pipe)
+    if hasattr(os, "nice"):
+        os.nice(LESS_URGENT)
     try:
         with stages.stage("read"):
             mesh = read()

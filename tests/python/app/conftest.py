@@ -113,7 +113,7 @@ def tab(app: RunningApp) -> Iterator[Page]:
     """Return a tab that has found its parts. The tests of a module share it, because a session starts in seconds."""
     shared = Page(app)
     shared.open()
-    shared.until(lambda message: message["type"] == "state" and message["field"]["parts"])
+    shared.alive()
     yield shared
     shared.close()
 

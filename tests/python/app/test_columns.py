@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import dfd
 from dfd.app.session.requests import probed
 from dfd.app.session.session import NO_FIELD
 from dfd.app.session.state import Editing, quantized, short_drag
@@ -82,6 +83,43 @@ def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: 
     deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), scale=(1.2, 0.9, 1), pivot=pivot, counterparts=mode)
     np.testing.assert_allclose(client.posed(), deformer.vertices, atol=5e-5)
     assert (len(client.weights) > 1) == (mode == "own_pivot")
+
+
+@pytest.mark.parametrize("mode", ["own_pivot", "shared_pivot", "only"])
+def test_columns_rotate_as_the_kernel_blends_linearly(client: Client, mode: Any) -> None:
+    deformer = client.deformer
+    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), rotation=(10, 0, 30), counterparts=mode)
+    shown, edit = client.posed(), deformer.edit
+    weights, columns = deformer.bound.columns(edit)
+    transforms = np.array([column.matrix(edit) for column in columns])
+    kernel = dfd.pose(deformer.mesh.vertices, weights, transforms, overlap=edit.rules.overlap, blend="linear")
+    np.testing.assert_allclose(shown, kernel, atol=5e-5)
+    assert np.abs(shown - deformer.mesh.vertices).max() > 0.1
+
+
+def test_the_exact_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
+    editing, vertex = client.editing, foot_of(client.deformer)
+    assert editing.exact_probe() is None
+    editing.pointed = vertex, 0
+    found = editing.exact_probe()
+    assert found is not None
+    assert found[:2] == (vertex, 0)
+    assert editing.exact_probe() is None, "nothing is computed twice"
+    client.deformer.add(vertex)
+    np.testing.assert_allclose(found[2], client.following()[:, 0], atol=5e-5)
+    editing.pointed = vertex, 0
+    assert editing.exact_probe() is None, "the place has a handle"
+
+
+def test_bands_are_stale_until_the_page_has_those_of_the_present_motion(client: Client) -> None:
+    deformer, editing = client.deformer, client.editing
+    deformer.add(foot_of(deformer), translation=(0.02, 0, 0))
+    client.listen()
+    assert not editing.has_stale_bands()
+    deformer.move(1, translation=(0.3, 0.1, 0))
+    assert editing.has_stale_bands()
+    client.listen()
+    assert not editing.has_stale_bands()
 
 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from dfd.app.options import SAMPLES, OpenedFile, SessionOptions, read_shape
 from dfd.app.session import preparation
 from dfd.app.web.launch import RunningApp
 from dfd.common.course import STAGES, Course
-from dfd.distillation.distill_apart import distill_apart
+from dfd.distillation.distill_apart import LESS_URGENT, distill_apart
 from dfd.distillation.settings import DistillSettings
 from dfd.field.field import Field
 
@@ -132,6 +133,15 @@ def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
     read, path = partial(dfd.load, shape.mesh), tmp_path / "field"
     with pytest.raises(ValueError, match="ended before it was done"):
         distill_apart(read, {}, path, lambda *_: None, lambda process: process.kill())
+
+
+def tell_priority() -> dfd.Mesh:
+    raise ValueError(f"priority {os.nice(0)}")
+
+
+def test_a_distillation_is_less_urgent_than_answers(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=f"priority {min(os.nice(0) + LESS_URGENT, 19)}$"):
+        distill_apart(tell_priority, {}, tmp_path / "field", lambda *_: None, lambda _: None)
 
 
 @pytest.mark.processes

@@ -42,7 +42,6 @@ def opened(app: RunningApp, **how: Any) -> Page:
     page = Page(app, **how)
     page.open()
     page.alive()
-    page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     return page
 
 

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from pathlib import Path
 
 import numpy as np
+import pytest
+import trimesh
 from app_page import Page
+from numpy.typing import NDArray
 
 import dfd
 from dfd.app.options import SessionOptions
 from dfd.app.session.parts import ShapeParts
 from dfd.editing.deformer import Deformer
+from dfd.editing.presets import PRESETS
 from dfd.field.field import Field
+from dfd.field.geometry_field import geometry_field
+from dfd.symmetry.search import symmetry_planes
 
 UNBENT = {"bend": [0, 0, 0], "twist": 0, "joint": None}
 REST = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
@@ -56,8 +63,6 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
 
 
 def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: Page, deformer: Deformer) -> None:
-    if not page.last("state")["field"]["parts"]:
-        page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     count = len(deformer.mesh.vertices)
     vertex = next(each for each in range(0, count, 20) if deformer.part(each, level=1) != deformer.part(each))
     part, larger = (deformer.part(vertex, level=level).indices for level in (0, 1))
@@ -124,8 +129,6 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
 
 
 def test_what_a_file_makes_one_thing_is_taken_as_the_part(options: SessionOptions, tmp_path: Path) -> None:
-    import trimesh
-
     scene, materials = trimesh.Scene(), [trimesh.visual.material.PBRMaterial(name=name) for name in ("wood", "steel")]
     for number in range(3):
         ball = trimesh.creation.icosphere(subdivisions=2)
@@ -144,10 +147,51 @@ def test_what_a_file_makes_one_thing_is_taken_as_the_part(options: SessionOption
     assert sizes == {"scene_part": count, "material": 2 * count, "component": count}
 
 
+def test_what_a_file_makes_one_thing_is_a_step_of_the_ladder(tmp_path: Path) -> None:
+    """The file has three scene parts: two spheres, a bar of the same material, and a cone."""
+    wood, steel = (trimesh.visual.material.PBRMaterial(name=name) for name in ("wood", "steel"))
+    moved = trimesh.transformations.translation_matrix
+    spheres = [trimesh.creation.icosphere(subdivisions=3, radius=0.8).apply_transform(moved((x, 0, 0))) for x in (0, 4)]
+    bar = trimesh.creation.box((1, 3, 0.6), moved((2, 0, 0))).subdivide().subdivide().subdivide()
+    cone = trimesh.creation.cone(0.7, 2, sections=64, transform=moved((6, 0, 0))).subdivide().subdivide()
+    scene = trimesh.Scene()
+    for name, material, mesh in (("spheres", wood, spheres), ("bar", wood, [bar]), ("cone", steel, [cone])):
+        geometry = trimesh.util.concatenate(mesh)
+        geometry.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(geometry.vertices), 2)), material=material)
+        scene.add_geometry(geometry, node_name=name)
+    scene.export(tmp_path / "scene.glb")
+    mesh = dfd.load(tmp_path / "scene.glb")
+    deformer = Deformer(mesh, geometry_field(mesh))
+    parts, named = ShapeParts(deformer), set[str]()
+    for vertex in range(0, len(mesh.vertices), 150):
+        steps = parts.ladder(vertex)
+        held = [_held(deformer, parts, vertex, step.level) for step in steps]
+        assert [step.level for step in steps] == sorted({step.level for step in steps})
+        assert len({tuple(each.tolist()) for each in held}) == len(steps), "each part is one step"
+        units = [(step, len(each)) for step, each in zip(steps, held, strict=True) if step.level % 1]
+        areas = [int(match[1]) for step, _ in units if (match := re.search(r"(\d+) % of", step.text))]
+        assert areas == sorted(areas), "the wheel takes larger and larger parts"
+        for step, count in units:
+            name = step.text.split(",")[0]
+            how = name if name in ("material", "component") else "scene_part"
+            handle = deformer.handle(deformer.add(vertex))
+            assert count == len(parts.taken(handle, how)["at"].indices)
+            assert parts.origin(handle) == vertex
+            deformer.remove(handle.id)
+            named.add(name)
+    assert {"material", "spheres"} <= named
+    with pytest.raises(ValueError, match=r"no step 0\.25"):
+        parts.place_at(0, 0.25)
+
+
+def _held(deformer: Deformer, parts: ShapeParts, vertex: int, level: float) -> NDArray[np.int64]:
+    """Return the vertices (N,) of a step of the ladder."""
+    at, whole = parts.place_at(vertex, level)
+    return deformer.part(at, level=whole).indices if isinstance(at, int) else at.indices
+
+
 def test_a_mirror_plane_that_is_found_is_on_until_it_is_switched_off(new_page: Page) -> None:
     state = new_page.last("state")
-    if not state["field"]["parts"]:
-        state = new_page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
     assert state["symmetry"]["normal"] == state["planes"][0]["normal"]
     new_page.ask("add", at=5)
     new_page.ask("clear")
@@ -331,3 +375,13 @@ def test_downloads_are_named_by_the_server_alone(page: Page) -> None:
             f"/download/{'0' * 32}/{'0' * 32}",
         ):
             assert http.get(path).status_code == 404
+
+
+def test_planes_of_another_preset_are_found_when_it_is_chosen(new_page: Page, deformer: Deformer) -> None:
+    rules = PRESETS["paper"]
+    wanted = symmetry_planes(deformer.field, deformer.mesh, candidates=rules.candidates, threshold=rules.threshold)
+    new_page.ask("set_preset", preset="paper")
+    found = new_page.until(lambda each: each["type"] == "state" and len(each["planes"]) == len(wanted))
+    assert found["preset"] == "paper"
+    assert [tuple(each["normal"]) for each in found["planes"]] == [plane.normal for plane in wanted]
+    assert wanted, "the chair has two sides that look alike"

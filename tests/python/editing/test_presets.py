@@ -82,7 +82,7 @@ def test_blender_s_handles_start_with_them(monkeypatch):
     package = ModuleType("in_blender")
     package.__path__ = [str(folder)]
     monkeypatch.setitem(sys.modules, "in_blender", package)
-    monkeypatch.setitem(sys.modules, "in_blender.vertex_groups", SimpleNamespace(refresh=None))
+    monkeypatch.setitem(sys.modules, "in_blender.vertex_groups", SimpleNamespace(refresh=None, paused=None))
     spec = importlib.util.spec_from_file_location("in_blender.properties", folder / "properties.py")
     properties = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(properties)

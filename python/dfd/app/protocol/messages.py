@@ -316,10 +316,10 @@ class SimilarMessage(Answer):
 
 
 class LadderStep(Model):
-    """A part at a vertex."""
+    """A part at a vertex, for `probe` and `add`."""
 
-    level: int
-    text: str  # its number of components and its size in words
+    level: float  # a whole number, or a fraction for a scene part, a material or a connected component of the file
+    text: str  # its name or its number of components, and its size, in words
     found: bool  # False if no part was found, so that a handle moves all surface within a feature distance
     leaves: bool  # whether a component of the surface touches the part, but is not in it
 
@@ -389,6 +389,7 @@ class MeshMessage(Answer):
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
     warnings: tuple[str, ...]  # problems that were found while the file was read, as sentences
+    recent: tuple[RecentShape, ...] = ()  # other shapes that were edited
 
 
 class ColumnsMessage(Answer):
@@ -402,11 +403,17 @@ class ColumnsMessage(Answer):
 
 
 class HeatMessage(Answer):
-    """Answer to `probe` and `take_part`. The array `values` uint16 (V,) has weights times 65535."""
+    """Answer to `probe` and `take_part`, or exact weights after a `probe`.
+
+    The array `values` uint16 (V,) has weights times 65535.
+    """
 
     type: Literal["heat"] = "heat"
     vertex: int | None  # the vertex of the `probe`; null for `take_part`
-    level: int = 0  # the level of the `probe`
+    level: float = 0  # the level of the `probe`
+    # Whether the values are those of a new handle. If not, they are an approximation, and exact ones follow if the
+    # page sends no other request.
+    exact: bool = False
 
 
 class PositionsMessage(Answer):

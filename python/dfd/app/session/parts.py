@@ -1,5 +1,6 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -7,12 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.messages import LadderStep, PartChange
+from dfd.common.linear_algebra import Bool
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.regions import VertexSet, members
+from dfd.editing.verbs import next_level
 from dfd.geometry.coarse import nodes_of
 
+UNITS: tuple[PartChange, ...] = ("scene_part", "material", "component")
+KINDS = 4  # the fraction of a unit's level is (KINDS · rank + kind) / KINDS², where ranks and kinds are below KINDS
+SAME = 0.98  # two parts count as one if they share at least this fraction of the mesh nodes that either contains
 MOST_KEPT = 64  # largest number of parts in the cache
 
 
@@ -21,8 +27,7 @@ class ShapeParts:
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self.ready = False  # whether the background work that all parts need is done
-        self._found: Recent[tuple[VertexSet, str]] = Recent(MOST_KEPT)
+        self._found: Recent[VertexSet] = Recent(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
     @property
@@ -47,38 +52,78 @@ class ShapeParts:
 
     def at(self, vertex: int, level: int = 0) -> VertexSet:
         """Return the part at a vertex, with its counterparts."""
-        return self._described(vertex, level)[0]
-
-    def _described(self, vertex: int, level: int) -> tuple[VertexSet, str]:
-        """Return the part at a vertex, with its counterparts, and its number of components and its size in words."""
-
-        def find() -> tuple[VertexSet, str]:
-            part = self._deformer.bound.parts.part(vertex, level)
-            size = "less than 1" if part.share < 0.005 else f"{100 * part.share:.0f}"
-            alike = f"{part.components} alike, " if part.components > 1 else ""
-            return VertexSet.of(self._mesh, part.mask), f"{alike}{size} % of the surface"
-
-        return self._found.get((vertex, level), find)
+        parts = self._deformer.bound.parts
+        return self._found.get((vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask))
 
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
-        """Return the parts at a vertex from the smallest to the largest."""
-        lowest, highest = self._deformer.bound.parts.levels(vertex)
-        return tuple(self._step(vertex, level) for level in range(lowest, highest + 1))
+        """Return the parts at a vertex from the smallest to the largest.
 
-    def _step(self, vertex: int, level: int) -> LadderStep:
-        part, text = self._described(vertex, level)
-        nodes, whole = nodes_of(self._mesh), len(part.indices) == len(self._mesh.vertices)
-        inside = np.zeros(len(nodes.component), bool)
-        inside[nodes.of_vertex[part.indices]] = True
+        Scene parts, materials and connected components that are no level are steps between two levels. The fraction of
+        such a step's `level` contains its rank by size and its kind, see `place_at`.
+        """
+        lowest, highest = self._deformer.bound.parts.levels(vertex)
+        nodes, steps, seen, shares = nodes_of(self._mesh), [], list[Bool](), list[float]()
+        for level in range(lowest, highest + 1):
+            inside, components = self._inside(vertex, level)
+            alike = f"{components} alike, " if components > 1 else ""
+            clear = self._deformer.bound.parts.components(vertex, level) is not None
+            shares.append(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
+            seen.append(inside)
+            steps.append(self._step(level, inside, alike, found=clear or bool(inside[nodes.used].all())))
+        units = []
+        for number, how in enumerate(UNITS, start=1):
+            if how in self.ways and (self._mesh.faces == vertex).any():
+                inside = np.zeros(len(nodes.component), bool)
+                inside[nodes.of_vertex[self._unit(vertex, how).indices]] = True
+                if all((inside & other).sum() < SAME * (inside | other).sum() for other in seen):
+                    name = self._name(vertex) if how == "scene_part" else how
+                    units.append((nodes.area @ inside / nodes.area.sum(), number, f"{name}, ", inside))
+                    seen.append(inside)
+        for rank, (share, number, words, inside) in enumerate(sorted(units, key=lambda unit: unit[:2]), start=1):
+            below = lowest - 1 + sum(each <= share for each in shares)
+            steps.append(self._step(below + (KINDS * rank + number) / KINDS**2, inside, words, found=True))
+        return tuple(sorted(steps, key=lambda step: step.level))
+
+    def _inside(self, vertex: int, level: int) -> tuple[Bool, int]:
+        """Return the nodes (N,) of the part at a vertex, and its number of components."""
+        parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
+        component = parts.components(vertex, level)
+        if component is not None:
+            return component >= 0, int(component.max()) + 1
+        part, inside = parts.part(vertex, level), np.zeros(len(nodes.component), bool)
+        inside[nodes.of_vertex[part.vertices]] = True
+        return inside, part.components
+
+    def _step(self, level: float, inside: Bool, words: str, *, found: bool) -> LadderStep:
+        """Return the step for a part with the nodes `inside` (N,)."""
+        nodes = nodes_of(self._mesh)
+        share = float(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
+        size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
-        touches = nodes.graph[inside].indices
-        return LadderStep(
-            level=level,
-            text="the whole shape" if whole else text,
-            found=whole or self._deformer.bound.parts.components(vertex, level) is not None,
-            leaves=not held[touches].all(),
-        )
+        leaves = not held[nodes.graph[inside].indices].all()
+        text = "the whole shape" if inside[nodes.used].all() else f"{words}{size} % of the surface"
+        return LadderStep(level=level, text=text, found=found, leaves=leaves)
+
+    def _name(self, vertex: int) -> str:
+        """Return the name of the scene part at a vertex, as the file has it."""
+        face = int((self._mesh.faces == vertex).any(axis=1).argmax())
+        return self._mesh.parts[int(self._labels["scene_part"][face])].name or "scene part"
+
+    def place_at(self, vertex: int, level: float) -> tuple[int | VertexSet, int]:
+        """Return the place and the level of a handle for the step `level` of the ladder at a vertex.
+
+        Raises ValueError if there is no such step.
+        """
+        whole = math.floor(level)
+        if level == whole:
+            return vertex, whole
+        how = dict(enumerate(UNITS, start=1)).get(int((level - whole) * KINDS**2) % KINDS)
+        if how is None or how not in self.ways:
+            raise ValueError(f"There is no step {level:g} of parts")
+        found = self._unit(vertex, how)
+        self._origins[found] = vertex
+        return found, 0
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> dict[str, Any]:
         """Return the arguments of `Deformer.change` for the change `how` of a handle's part or region.
@@ -95,17 +140,11 @@ class ShapeParts:
             self._origins[found] = origin
             given: dict[str, Any] = {"at": found, "level": 0}
         else:
-            # Levels beyond the smallest or the largest part stand for that part.
-            lowest, highest = self._deformer.bound.parts.levels(origin)
-            level = min(max(handle.controls.level, lowest), highest)
-            found = self.at(origin, level + step)
-            if not lowest <= level + step <= highest:
-                raise ValueError(f"There is no {how} part here")
-            given = {"level": level + step, "reach": "part"}
+            given = {"level": next_level(self._deformer.bound, origin, handle.controls.level, step), "reach": "part"}
             if isinstance(handle.place.region, VertexSet):
                 given["at"] = origin
         if self.limits(handle):
-            given["mask"] = found
+            given["mask"] = given["at"] if step is None else self.at(origin, given["level"])
         return given
 
     def origin(self, handle: Handle) -> int:
@@ -144,4 +183,4 @@ class ShapeParts:
         mask = handle.controls.mask
         if not isinstance(mask, VertexSet):
             return False
-        return mask == handle.place.region or (self.ready and mask == self.of(handle))
+        return mask == handle.place.region or mask == self.of(handle)

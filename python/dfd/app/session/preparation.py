@@ -17,9 +17,11 @@ from dfd.app.options import SessionOptions, Source, read_mesh
 from dfd.common import check
 from dfd.common.course import LEARNED, Course
 from dfd.distillation.distill_apart import distill_apart
+from dfd.posing.pose import IDENTITY
 
 if TYPE_CHECKING:
     from dfd.common.preset import Preset
+    from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
@@ -35,6 +37,17 @@ class SharedShape:
     features: Any = None
     planes: dict[Preset, list[SymmetryPlane]] = field(default_factory=dict)
     parts: Parts | None = None
+
+    def find_planes(self, deformer: Deformer, preset: Preset) -> None:
+        """Find the planes of symmetry of a preset, unless they are known."""
+        from dfd.editing.presets import PRESETS
+        from dfd.symmetry.search import symmetry_planes
+
+        if preset not in self.planes:
+            rules = PRESETS[preset]
+            self.planes[preset] = symmetry_planes(
+                deformer.field, deformer.mesh, candidates=rules.candidates, threshold=rules.threshold
+            )
 
 
 _SHARED: WeakValueDictionary[str, SharedShape] = WeakValueDictionary()  # by the hashes of the mesh and the field
@@ -125,6 +138,7 @@ class Preparation:
             deformer = Deformer(self._mesh, geometry_field(self._mesh))
             deformer.prepare()
             deformer.bound.prepare([])
+            _warm(deformer)
             self._tell(self._session.begin_early, deformer)
 
     def distill(self) -> None:
@@ -161,11 +175,9 @@ class Preparation:
         self._progress("prepare", "features")
         from dfd.editing.deformer import Deformer
         from dfd.editing.influence.handle_features import HandleFeatures
-        from dfd.editing.presets import PRESETS
         from dfd.field.cache_key import hash_arrays
         from dfd.field.compatibility import check_compatible
         from dfd.field.field import Field
-        from dfd.symmetry.search import symmetry_planes
 
         mesh, done = self._mesh, 0
 
@@ -186,12 +198,21 @@ class Preparation:
                 rows.prepare(advance)
                 shared.features = rows.features
             deformer = Deformer(mesh, field, preset=self._options.preset, features=shared.features)
-            self._tell(self._session.field_ready, deformer, origin, messages)
             self._progress("prepare", "parts")
-            if shared.parts is None:
-                for preset, defaults in PRESETS.items():
-                    shared.planes[preset] = symmetry_planes(
-                        field, mesh, candidates=defaults.candidates, threshold=defaults.threshold
-                    )
+            for preset in ("default", self._options.preset):
+                shared.find_planes(deformer, preset)
             shared.parts = deformer.bound.prepare(shared.planes["default"], shared.parts)
-        self._tell(self._session.field_prepared, shared.planes)
+            _warm(deformer)
+        self._tell(self._session.field_ready, deformer, origin, messages, dict(shared.planes))
+
+    def find_planes(self, deformer: Deformer, preset: Preset) -> None:
+        """Find the planes of symmetry of a preset, which takes seconds for a million faces."""
+        assert self._shared is not None
+        with self._shared.making:
+            self._shared.find_planes(deformer, preset)
+        self._tell(self._session.planes_found, deformer, dict(self._shared.planes))
+
+
+def _warm(deformer: Deformer) -> None:
+    """Compute the data that the first color under the pointer needs, and that later ones share."""
+    deformer.bound.probed(0, 0, IDENTITY)

@@ -16,7 +16,7 @@ from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
 from dfd.app.session.preparation import Preparation
-from dfd.app.session.state import Editing
+from dfd.app.session.state import Editing, quantized
 from dfd.app.session.surface import mesh_message
 from dfd.common.course import ENDS, STAGES
 from dfd.common.devices import out_of_memory
@@ -130,7 +130,7 @@ class Session:
             warnings = [COPY, *warnings]
             message = message.model_copy(update={"warnings": tuple(warnings)})
         self.name, self.mesh, self._warnings = name, mesh, warnings
-        self.send(message, **arrays)
+        self.send(message.model_copy(update={"recent": self._recent()}), **arrays)
         self._preparation = Preparation(self, mesh, source)
         if given.field is None:
             self._tell_field("preparing")
@@ -199,7 +199,7 @@ class Session:
 
     @request
     def open_recent(self, key: messages.Text) -> None:
-        """Open a shape of the list in the message `start`, and continue its edit."""
+        """Open a shape of the list `recent`, which `start` and `mesh` contain, and continue its edit."""
         found = find_recent(key)
         sample = found.name if found.name in SAMPLES else None
         mesh = sample if found.mesh is None else OpenedFile(found.name, found.mesh)
@@ -215,15 +215,20 @@ class Session:
         self._tell_start()
 
     def _tell_start(self) -> None:
-        """Tell the page that no shape is open, and which shapes were edited last."""
-        recent = [
+        """Tell the page that no shape is open."""
+        self.send(messages.StartMessage(recent=self._recent()))
+
+    def _recent(self) -> tuple[messages.RecentShape, ...]:
+        """Return the shapes that were edited last, without the open one."""
+        here = None if self._kept is None else self._kept.key
+        return tuple(
             messages.RecentShape(
                 **{name: getattr(each, name) for name in ("key", "name", "handles", "seconds")},
                 present=each.mesh is not None or each.name in SAMPLES,
             )
             for each in recent_edits(MOST_RECENT)
-        ]
-        self.send(messages.StartMessage(recent=tuple(recent)))
+            if each.key != here
+        )
 
     @request
     def distill(self) -> None:
@@ -253,28 +258,50 @@ class Session:
         self._progress = None if ended else message
         self.send(message)
 
-    def field_ready(self, deformer: Deformer, origin: str, warnings: list[Warning]) -> None:
-        """Start editing, because the field is ready."""
-        self._edit_with(deformer, origin)
+    def field_ready(
+        self, deformer: Deformer, origin: str, warnings: list[Warning], planes: Mapping[Preset, Sequence[SymmetryPlane]]
+    ) -> None:
+        """Start editing, because the field is ready. `planes` has those of the session's preset."""
+        self._edit_with(deformer, origin, planes)
         for warning in warnings:
             self.fail(0, warning)
+        self.tell_progress("prepare", "done")
+        self.find_planes()
+
+    def planes_found(self, deformer: Deformer, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
+        """Store the planes of symmetry of further presets."""
+        if self.editing is not None and self.editing.deformer is deformer:
+            self.editing.planes = planes
+            self.tell_state()
+
+    def find_planes(self) -> None:
+        """Find the planes of symmetry of the present preset in the background, unless they are known."""
+        editing, preset = self.require(), self.deformer.preset
+        if self._preparation is not None and editing.planes and preset not in editing.planes:
+            editing.planes = {**editing.planes, preset: ()}
+            self._preparation.start("prepare", self._preparation.find_planes, editing.deformer, preset)
 
     def begin_early(self, deformer: Deformer) -> None:
         """Start editing with a session that knows only the geometry, unless the features are learned."""
         if self.editing is None:
-            self._edit_with(deformer, "geometry")
-            self.require().parts.ready = True
-            self.field = self.field.model_copy(update={"parts": self.require().parts.ways})
-            self.tell_state()
+            self._edit_with(deformer, "geometry", {})
 
-    def _edit_with(self, deformer: Deformer, origin: str) -> None:
-        """Edit with `deformer`. It continues the edit and the history of the present session, or the kept edit."""
+    def _edit_with(self, deformer: Deformer, origin: str, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
+        """Edit with `deformer`. It continues the edit and the history of the present session, or the kept edit.
+
+        If nothing has been edited, switch on the best of the `planes` of symmetry.
+        """
         before, self.editing = self.editing, Editing(deformer)
-        self.field = messages.FieldState(status="ready", origin=origin)
+        self.editing.planes = planes
+        self.field = messages.FieldState(status="ready", origin=origin, parts=self.editing.parts.ways)
         if before is None:
             self.guarded(0, self._restore)
         else:
             deformer.continue_from(before.deformer)
+        best, untouched = planes.get(deformer.preset), deformer.edit == Edit(preset=deformer.preset)
+        if best and untouched and not deformer.can_undo:
+            deformer.set_symmetry(best[0], band=band_on(deformer.mesh, deformer.preset))
+            self._begin_with(deformer.edit)
         pending_edit, self._pending_edit = self._pending_edit, None
         self.tell_state()
         if pending_edit is not None:
@@ -292,22 +319,6 @@ class Session:
         if self._kept is not None:
             self._kept.begin(edit)
 
-    def field_prepared(self, planes: Mapping[Preset, Sequence[SymmetryPlane]]) -> None:
-        """Store the planes of symmetry of each preset. Switch on the best plane unless the shape has been edited."""
-        editing = self.require()
-        deformer, parts = editing.deformer, editing.parts
-        editing.planes, parts.ready = planes, True
-        self.field = self.field.model_copy(update={"parts": parts.ways})
-        self.tell_progress("prepare", "done")
-        if (
-            (found := planes.get(deformer.preset))
-            and deformer.edit == Edit(preset=deformer.preset)
-            and not deformer.can_undo
-        ):
-            deformer.set_symmetry(found[0], band=band_on(deformer.mesh, deformer.preset))
-            self._begin_with(deformer.edit)
-        self.tell_state()
-
     def field_ended(self, task: str, error: Exception | None) -> None:
         """Report that a task failed or was stopped before it gave a field. An existing field stays in use."""
         self.tell_progress(task, "cancelled" if error is None else "failed")
@@ -322,7 +333,7 @@ class Session:
             return
         self.guarded(0, self._resume)
         message, arrays = mesh_message(self.mesh, name=self.name, warnings=self._warnings)
-        self.send(message, **arrays)
+        self.send(message.model_copy(update={"recent": self._recent()}), **arrays)
         if self.editing is not None:
             self.editing.sent = {}
         self.after = 0
@@ -372,6 +383,7 @@ class Session:
         with self.deformer.step(topic, merge=merge):
             work(self.deformer)
             self.require().check_drawable()
+        self.find_planes()
         self.tell_state()
 
     @request
@@ -383,17 +395,23 @@ class Session:
         self.change(lambda deformer: deformer.set_poses(found))
 
     def run_deferred(self) -> None:
-        """Between requests, store a new edit, and send its report; send the state if Python code changed the edit."""
+        """Between requests, store a new edit, send its report, and send the exact weights of the latest probe.
+
+        If Python code changed the edit, or a drag rests that has changed blend bands, send the state.
+        """
         editing = self.editing
         if editing is None:
             return
-        if editing.deformer.edit is not editing.shown:
+        if editing.deformer.edit is not editing.shown or editing.has_stale_bands():
             self.tell_state()
         self.save()
         if editing.unreported:
             editing.unreported = False
             text = str(editing.deformer.report())
             self.send(messages.ReportMessage(text=text[:1].upper() + text[1:]))
+        if (probed := editing.exact_probe()) is not None:
+            vertex, level, weights = probed
+            self.send(messages.HeatMessage(vertex=vertex, level=level, exact=True), values=quantized(weights))
 
     def send(self, message: messages.Answer, **arrays: NDArray[Any]) -> None:
         """Send a message, with arrays if there are any."""

@@ -1,6 +1,7 @@
 """For a shape with a field, collect the data that the page shows: the handles and their columns of weights."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from typing import Any
@@ -13,6 +14,7 @@ from dfd.app.session.parts import ShapeParts
 from dfd.app.session.steps import Steps
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
+from dfd.editing import verbs
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
 from dfd.editing.influence.fill import Band, bands_of
@@ -37,16 +39,48 @@ class Editing:
         self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
+        self.pointed: tuple[int, float] | None = None  # the vertex and level of the latest probe, until `exact_probe`
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
         self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
+        self._edit: Edit | None = None  # the edit for which the bands were compared last
+
+    def exact_probe(self) -> tuple[int, float, Float32] | None:
+        """Return the vertex and level of the latest probe, and the weights (V,) that a new handle there has at rest.
+
+        The caller has no other request to answer, because the part of a handle takes longer than a probe. A click there
+        then needs less time. Return None if there was no new probe, or the place cannot have a handle.
+        """
+        pointed, self.pointed = self.pointed, None
+        if pointed is not None:
+            with suppress(ValueError):  # for example, the place has a handle already
+                return *pointed, self.resting_weights(*self.parts.place_at(*pointed))
+        return None
+
+    def resting_weights(self, at: Any, level: int) -> Float32:
+        """Return the weights (V,) that the page shows for a new handle. Raises ValueError as `Deformer.add` does."""
+        before, bound = self.deformer.edit, self.deformer.bound
+        number = 1 + max((handle.id for handle in before.handles), default=0)
+        edit = verbs.add(before, bound, number, at, name=None, level=level)
+        weights, columns = bound.columns(edit, self._bands_shown_in(edit))
+        bound.reach(edit.handle(number))  # `state` needs it after a click, and it is cached
+        own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
+        found: Float32 = weights[:, own].sum(axis=1)
+        return found
+
+    def has_stale_bands(self) -> bool:
+        """Return whether the page's columns have other blend bands than those of the present edit."""
+        edit, before = self.deformer.edit, self._edit
+        self._edit = edit
+        return edit is not before and self._bands != self._bands_shown_in(edit)
 
     def columns(self) -> tuple[list[ColumnStates], dict[int, NDArray[np.uint16]]]:
         """Return the weight columns of each handle, and a dict from the identifiers of new columns to values (V,).
 
         The page does not have the new columns yet. The caller must send them, because `sent` now contains them.
         """
-        self._bands = self._shown_bands()
+        self._edit = self.deformer.edit
+        self._bands = self._bands_shown_in(self._edit)
         weights, columns = self.deformer.bound.columns(self.deformer.edit, self._bands)
         handles, before, new = self.deformer.handles, self.sent, {}
         states: list[ColumnStates] = [() for _ in handles]
@@ -63,9 +97,9 @@ class Editing:
             states[column.handle] += (state,)
         return states, new
 
-    def _shown_bands(self) -> list[tuple[Band, ...]]:
-        """Return the blend bands of all columns. Handles at rest have the bands of a short drag."""
-        edit, bound = self.deformer.edit, self.deformer.bound
+    def _bands_shown_in(self, edit: Edit) -> list[tuple[Band, ...]]:
+        """Return the blend bands of all columns of `edit`. Handles at rest have the bands of a short drag."""
+        bound = self.deformer.bound
         if edit.default is not None:
             return bound.bands(edit)
         drag = Transform(translation=vector("drag", short_drag(self.deformer.mesh)[:, 3]))

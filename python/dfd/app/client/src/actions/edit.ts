@@ -5,6 +5,8 @@ import { MathUtils } from "three";
 import { axisIn, typedMotion, type Transform } from "../posing/affine";
 import type { Controls, HandleState, Move, PoseTransform, TakePart } from "../protocol/messages";
 import {
+  draws,
+  isolates,
   otherPlaces,
   present,
   ready,
@@ -42,10 +44,28 @@ export function preview(vertex: number, by: -1 | 1): void {
   send({ type: "probe", vertex, level: next });
 }
 
-/** Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. */
-function neighbor(vertex: number, level: number, by: -1 | 1): number | null {
+/** Show the weights that a new handle at a vertex would have. */
+export function showWeights(vertex: number): void {
+  const state = store.get();
+  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state))
+    send({ type: "probe", vertex, level: state.level });
+}
+
+/**
+ * Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. Levels that
+ * are not `allowed` are left out.
+ */
+function neighbor(
+  vertex: number,
+  level: number,
+  by: -1 | 1,
+  allowed: (level: number) => boolean = () => true,
+): number | null {
   const ladder = store.get().ladders.get(vertex);
-  return ladder?.steps[stepAt(ladder, level) + by]?.level ?? null;
+  if (!ladder) return null;
+  const at = stepAt(ladder, level);
+  const further = by > 0 ? ladder.steps.slice(at + 1) : ladder.steps.slice(0, at).reverse();
+  return further.find((step) => allowed(step.level))?.level ?? null;
 }
 
 export function select(handle: number | null): void {
@@ -89,7 +109,7 @@ export function regionOf(weights: Uint16Array): { mask: string } {
 export function suggest(): void {
   if (store.get().suggestions.length > 0) store.set({ suggestions: [] });
   else if (ready(store.get())) send({ type: "suggest" });
-  else note("Handles can be suggested after the features are learned.");
+  else note("Handles can be suggested when parts can be held.");
 }
 
 const SLIDER_INTERVAL = 80; // milliseconds between two requests while a slider moves
@@ -230,7 +250,7 @@ export function resizeDragged(by: -1 | 1): void {
   const known = selectedHandle(state);
   if (!known || !drag) return;
   const { reach, reach_by, level, origin, mask_part } = present(state, known);
-  const next = neighbor(origin, level, by);
+  const next = neighbor(origin, level, by, Number.isInteger);
   const byNumber = { reach: MathUtils.clamp(reach * WHEEL_FACTOR ** by, 0.02, 2) };
   const changed = reach_by === "number" ? byNumber : next === null ? null : { level: next };
   if (!changed) return;

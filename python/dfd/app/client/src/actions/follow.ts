@@ -2,7 +2,7 @@
 
 import { ready, selectedHandle, serverPoses, store } from "../store/state";
 import { ask, send } from "./connection";
-import { seenTransforms, throttle } from "./edit";
+import { seenTransforms, showWeights, throttle } from "./edit";
 
 export function follow(): void {
   // Request the counterparts of the selected handle when they may have changed.
@@ -32,8 +32,17 @@ export function follow(): void {
     },
     (vertex) => vertex !== undefined && ask({ type: "ladder", vertex }, true),
   );
+  // Parts of the geometry are not those of the features, which replace them when they are learned.
   store.watch(
-    (state) => state.look === "features" && ready(state) && state.mesh,
+    ({ edit }) => edit?.field.origin,
+    () => {
+      const { hover } = store.get();
+      store.set({ ladders: new Map(), suggestions: [], probe: null, level: 0 });
+      if (hover) showWeights(hover.vertex);
+    },
+  );
+  store.watch(
+    (state) => (state.look === "features" && ready(state) ? ([state.mesh, state.edit?.field.origin] as const) : null),
     (wanted) => wanted && send({ type: "features" }),
   );
   // The server computes poses that the shader does not support. During a drag, `sendDrag` requests these poses.

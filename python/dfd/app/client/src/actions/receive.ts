@@ -22,6 +22,7 @@ export function receive({ message, payload }: Received): void {
       store.set({
         ...CLOSED,
         page: "shape",
+        recent: message.recent,
         mesh: message,
         meshArrays: payload,
         surface: surfaceOf(
@@ -50,7 +51,12 @@ export function receive({ message, payload }: Received): void {
         store.get().level === message.level
       )
         store.set({
-          probe: { vertex: message.vertex, level: message.level, weights: payload.get("values", "U16") },
+          probe: {
+            vertex: message.vertex,
+            level: message.level,
+            exact: message.exact,
+            weights: payload.get("values", "U16"),
+          },
         });
       break;
     case "progress":

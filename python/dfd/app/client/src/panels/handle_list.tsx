@@ -6,6 +6,7 @@ import type { HandleState } from "../protocol/messages";
 import { handleColor, handleName, ready } from "../store/state";
 import { useParts } from "../store/use";
 import { IconButton, Menu, Panel } from "../widgets/controls";
+import { whenReady } from "./next_step";
 
 const ALL = [
   ["Return all to rest", "", () => send({ type: "reset" })],
@@ -22,7 +23,7 @@ export function HandleList() {
         <p class="empty">
           {ready({ edit })
             ? "Click a point of the shape to add a handle. All similar parts follow the handle."
-            : "You can add handles after the features are learned."}
+            : `You can add handles ${whenReady({ edit })}.`}
         </p>
       ) : (
         <ul class="rows">

@@ -220,7 +220,8 @@ function PartButtons({ ways, handle: { handle, columns, region, origin, level } 
     let current = true;
     void ask({ type: "take_part", handle, how: pointed, preview: true }, true).then((answer) => {
       if (!answer) setMissing((others) => [...others, pointed]);
-      else if (current) store.set({ probe: { vertex: null, level: 0, weights: answer.payload.get("values", "U16") } });
+      else if (current)
+        store.set({ probe: { vertex: null, level: 0, exact: true, weights: answer.payload.get("values", "U16") } });
     });
     return () => {
       current = false;

@@ -14,14 +14,26 @@ const HINTS = {
 const MOTIONS = { translate: "Move", rotate: "Rotate", scale: "Scale", bend: "Bend" } as const;
 const GRIPS = { translate: "an arrow", rotate: "a ring", scale: "a cube", bend: "the tip" } as const;
 
+/** Entries of the menu in place of keys. */
+const IN_MENU: Record<string, string> = {
+  "X keeps a point still": "menu: fix points",
+  "K stores a pose": "menu: timeline",
+};
+
 /** Return the words with "Tap" in place of "Click" on a touch screen, and without keys. */
 function onTouch(words: string): string {
-  const parts = words.split(" · ").filter((part) => !/^([A-Z] |Esc|wheel|Shift|right)/.test(part));
+  const said = words.split(" · ").map((part) => IN_MENU[part] ?? part);
+  const parts = said.filter((part) => !/^([A-Z] |Esc|wheel|Shift|right)/.test(part));
   return parts
     .join(" · ")
     .replace("[ ]", "inspector:")
     .replace(/\bClick\b/g, "Tap")
     .replace(/\bclick\b/g, "tap");
+}
+
+/** Return when parts can be held. The parts of the geometry are found soon, unless the user stopped the work. */
+export function whenReady({ edit }: Pick<State, "edit">): string {
+  return edit?.field.status === "none" ? "after the features are learned" : "in a moment";
 }
 
 export function nextStep(state: State, touch = matchMedia("(pointer: coarse)").matches): string {
@@ -42,7 +54,7 @@ function words(state: State): string {
       : "";
   if (comparing) return "The original shape · C shows the edit";
   if (moment) return "A moment of the timeline · Use this pose, or go back to the edit";
-  if (!ready(state)) return "Drag to orbit · parts can be held when the features are learned";
+  if (!ready(state)) return `Drag to orbit · parts can be held ${whenReady(state)}`;
   if (painted) return "Fix the selection, or add a handle: the buttons are beside it";
   if (tool !== "hold") return HINTS[tool];
   if (typeof probe?.vertex === "number" && probe.vertex !== handle?.vertex) {

@@ -1,7 +1,7 @@
 import { send } from "../actions/connection";
 import { chooseFiles, megabytes } from "../actions/files";
 import { useParts } from "../store/use";
-import { titled } from "../widgets/controls";
+import { handleCount, titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
 /** Endings of files that are not meshes, which the list of mesh formats leaves out. */
@@ -35,7 +35,7 @@ export function Start() {
                   <button type="button" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
                     <strong>{titled(name)}</strong>
                     <small>
-                      {handles === 1 ? "1 handle" : `${handles} handles`} · {new Date(1000 * seconds).toLocaleString()}
+                      {handleCount(handles)} · {new Date(1000 * seconds).toLocaleString()}
                       {!present && " · open the mesh again to continue"}
                     </small>
                   </button>

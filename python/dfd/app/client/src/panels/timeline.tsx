@@ -51,7 +51,7 @@ export function Timeline() {
         )}
       </div>
       {poses.length === 0 ? (
-        <p class="empty">Pose the shape, and press K to store the pose. Store two poses to play between them.</p>
+        <p class="empty">Pose the shape, and press + to store the pose. Store two poses to play between them.</p>
       ) : (
         <>
           <input

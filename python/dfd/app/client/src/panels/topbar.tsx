@@ -5,7 +5,7 @@ import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
+import { handleCount, IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -13,11 +13,11 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   possible ? () => void exportAs(format) : null,
 ];
 
-/** Return menu items for the actions of keyboard shortcuts. */
-function keyItems(group: readonly string[]): readonly MenuItem[] {
+/** Return menu items for the actions of keyboard shortcuts. They show the keys, unless the page is on a phone. */
+function keyItems(group: readonly string[], shown = true): readonly MenuItem[] {
   return SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [
     label,
-    keys,
+    shown ? keys : "",
     () => void run(),
   ]);
 }
@@ -26,17 +26,21 @@ const VIEWS = [
   ["F", "Shift F", "5"],
   ["1", "3", "7"],
   ["Shift 1", "Shift 3", "Shift 7"],
-].map(keyItems);
+];
 const TOOLS = ["H", "X", "B", "M", "P"];
 const MODES = ["W", "E", "R", "D"];
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const { edit, mesh, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
+  const { edit, mesh, recent, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
-    ["Open a mesh or session…", "Ctrl O", chooseFiles],
+    ["Open a mesh or session…", narrow ? "" : "Ctrl O", chooseFiles],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
+  const earlier = recent.map(({ key, name, handles, present }): MenuItem => {
+    const hint = present ? handleCount(handles) : "the file is gone";
+    return [titled(name), hint, present ? () => send({ type: "open_recent", key }) : null];
+  });
   const saved = [
     exported("Save session", "JSON", "edit"),
     exported("Save field", "safetensors", "field", ready({ edit })),
@@ -74,15 +78,16 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       each === look ? "now" : "",
       () => store.set({ look: each }),
     ]);
+    const short = (keys: readonly string[]) => keyItems(keys, false);
     const groups = [
-      open,
-      keyItems(TOOLS),
-      keyItems(["A", "C", "T", "?"]),
-      looks,
-      ...VIEWS,
-      saved,
+      [...open, ...saved],
+      earlier,
+      short(TOOLS),
+      short(["A", "C", "T", "?"]),
       shapes,
       rigs,
+      looks,
+      ...VIEWS.map(short),
       history,
     ];
     return (
@@ -91,7 +96,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         {name}
         {undo}
         {redo}
-        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES)]} />
+        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES, false)]} />
         {inspect}
       </header>
     );
@@ -99,7 +104,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   return (
     <header class="topbar">
       <div class="bar-group">
-        <Menu icon="open" label="File" groups={[open, saved]} />
+        <Menu icon="open" label="File" groups={[open, earlier, saved]} />
         {name}
       </div>
       <div class="bar-group">
@@ -109,7 +114,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
-        <Menu icon="views" label="Views" groups={VIEWS} />
+        <Menu icon="views" label="Views" groups={VIEWS.map((keys) => keyItems(keys))} />
         <KeyButton icon="wire" keys="Z" pressed={wireframe} />
       </div>
       <div class="bar-group end">

@@ -70,7 +70,13 @@ export const CLOSED = {
   selected: null as number | null,
   hover: null as Picked | null,
   /** Weights of a new handle at `vertex`. If `vertex` is null, weights of the selected handle with another part. */
-  probe: null as { readonly vertex: number | null; readonly level: number; readonly weights: Uint16Array } | null,
+  probe: null as {
+    readonly vertex: number | null;
+    readonly level: number;
+    /** Whether the weights are those after a click. Approximate weights are shown until these arrive. */
+    readonly exact: boolean;
+    readonly weights: Uint16Array;
+  } | null,
   /** The level of the part that a click at the pointer holds. */
   level: 0,
   /** The parts at a vertex, by vertex. */

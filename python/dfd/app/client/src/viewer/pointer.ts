@@ -1,8 +1,7 @@
 /** Mouse, pen and touch on the canvas: hover, clicks, brush strokes, boxes, and the wheel during a drag. */
 
-import { send } from "../actions/connection";
-import { changePart, hold, preview, resize, resizeDragged, select, toggleFixed } from "../actions/edit";
-import { draws, isolates, ready, store, type Picked } from "../store/state";
+import { changePart, hold, preview, resize, resizeDragged, select, showWeights, toggleFixed } from "../actions/edit";
+import { draws, ready, store, type Picked } from "../store/state";
 import { paint } from "./overlays/brush";
 import type { Viewer } from "./viewer";
 
@@ -100,7 +99,7 @@ export class Pointer {
     const { probe, level } = store.get();
     const same = probe?.vertex === picked.vertex && probe.level === level;
     store.set({ hover: picked, probe: same ? probe : null });
-    if (!same) this.timer = window.setTimeout(() => showWeights(picked), REST_MILLISECONDS);
+    if (!same) this.timer = window.setTimeout(() => showWeights(picked.vertex), REST_MILLISECONDS);
   }
 
   private wheeled(event: WheelEvent): void {
@@ -149,11 +148,4 @@ function click(picked: Picked | null, { shiftKey, ctrlKey, metaKey }: PointerEve
   if (shiftKey || ctrlKey || metaKey) void changePart(shiftKey ? "add" : "remove", vertex);
   else if (state.tool === "fix") toggleFixed(vertex);
   else if (state.tool === "hold") hold(vertex);
-}
-
-/** Show the weights that a new handle at a point would have. */
-function showWeights({ vertex }: Picked): void {
-  const state = store.get();
-  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state))
-    send({ type: "probe", vertex, level: state.level });
 }

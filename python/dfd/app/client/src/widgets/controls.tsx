@@ -18,6 +18,10 @@ export function titled(name: string): string {
   return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
+export function handleCount(handles: number): string {
+  return handles === 1 ? "1 handle" : `${handles} handles`;
+}
+
 /** Round a number to the digits that a field shows. */
 export function readable(value: number): string {
   const size = Math.abs(value);
@@ -297,7 +301,7 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
       {open && (
         <div class="menu-list" role="menu" aria-label={label}>
           {groups.map((group, i) => (
-            <div key={i} role="group">
+            <div key={i} role="group" hidden={group.length === 0}>
               {group.map(([line, hint, run], number) => (
                 <button
                   key={number}

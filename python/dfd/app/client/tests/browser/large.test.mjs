@@ -28,6 +28,17 @@ test("a drag takes little script time, and its pose equals that of the kernel", 
   await shot(page, "large");
 });
 
+test("the wireframe of small faces does not hide the surface", { timeout: PATIENCE }, async () => {
+  const before = await drawn(page);
+  await page.keyboard.press("z");
+  await until(page, (s) => s.wireframe && window.dfd.rests());
+  const wired = await drawn(page);
+  await page.keyboard.press("z");
+  await until(page, (s) => !s.wireframe && window.dfd.rests());
+  assert.ok(wired.light > 0.8 * before.light, `the lightness falls from ${before.light} to ${wired.light}`);
+  assert.ok(wired.shades > 50, `the shape has only ${wired.shades} colors`);
+});
+
 test("the shape is drawn again after a lost WebGL context", { timeout: 2 * PATIENCE }, async () => {
   await page.evaluate(async () => {
     const canvas = document.querySelector("canvas");

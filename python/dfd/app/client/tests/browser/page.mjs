@@ -92,6 +92,8 @@ function installHook() {
         const box = stage.canvas.getBoundingClientRect();
         return at && [at[0] + box.left, at[1] + box.top];
       },
+      /** Return whether the gizmo is shown, and so takes the pointer. */
+      hasGizmo: () => viewer.gizmo.helper.visible,
       camera: () => stage.camera.position.toArray(),
       /** Return the unit vector from the point at the middle of the view to the camera. */
       direction: () => stage.camera.position.clone().sub(stage.orbit.target).normalize().toArray(),
@@ -241,7 +243,10 @@ export function shot(page, name) {
   return page.screenshot({ path: join(SHOTS, `${name}.png`) });
 }
 
-/** Return the share of the canvas that the shape covers, and the number of colors there; 0 and 0 for a blank canvas. */
+/**
+ * Return the share of the canvas that the shape covers, and the number of colors and the mean lightness there; all are 0
+ * for a blank canvas.
+ */
 export function drawn(page) {
   return page.evaluate(
     () =>
@@ -256,13 +261,14 @@ export function drawn(page) {
             return copy.getImageData(0, 0, width, height).data;
           });
           const shades = new Set();
-          let covered = 0;
+          let [covered, light] = [0, 0];
           for (let i = 0; i < pixels.length; i += 4) {
             if ([0, 1, 2].every((k) => pixels[i + k] === bare[i + k])) continue;
             covered++;
+            light += (pixels[i] + pixels[i + 1] + pixels[i + 2]) / 765;
             shades.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
           }
-          resolve({ covered: covered / (width * height), shades: shades.size });
+          resolve({ covered: covered / (width * height), shades: shades.size, light: light / Math.max(covered, 1) });
         });
       }),
   );

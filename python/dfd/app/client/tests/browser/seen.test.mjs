@@ -52,6 +52,13 @@ test("a drag of the tip bends the held part as the kernel does", { timeout: PATI
   await page.waitForTimeout(500);
   assert.ok((await shaderError(page)) <= 1e-4);
   await page.mouse.move(400, 590);
+  await page.waitForTimeout(300);
+  const [x, y] = await page.evaluate(async () => {
+    const { vertex } = window.dfd.store.get().edit.handles[0];
+    return window.dfd.place([...(await window.dfd.computed()).subarray(3 * vertex, 3 * vertex + 3)]);
+  });
+  const mark = await page.locator(".mark.handle.selected").boundingBox();
+  assert.ok(Math.hypot(mark.x - x, mark.y - y) < 2, `the mark is at ${mark.x}, ${mark.y}, its surface at ${x}, ${y}`);
   await shot(page, "bent");
   await page.getByLabel("Twist °").fill("20");
   await page.getByLabel("Twist °").press("Enter");

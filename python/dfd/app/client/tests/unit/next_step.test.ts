@@ -8,6 +8,7 @@ const handle = { handle: 1, vertex: 7, origin: 7, region: 0, reach_by: "part", l
 const steps = [-1, 0, 2].map((level) => ({ level, text: `part ${level}`, found: true, leaves: false }));
 const ladder: LadderMessage = { id: 1, type: "ladder", vertex: 7, steps };
 const edit = { field: { status: "ready", parts: ["larger"] }, handles: [] as unknown } as StateMessage;
+const stopped = { ...edit, field: { ...edit.field, status: "none" } } as StateMessage;
 const rests: State = { ...store.get(), edit, ladders: new Map([[7, ladder]]) };
 const held: State = { ...rests, selected: 1, edit: { ...edit, handles: [handle] } };
 const moved: State = { ...held, edit: { ...edit, handles: [{ ...handle, moved: true }] } };
@@ -17,7 +18,7 @@ describe("nextStep", () => {
     ["a shape without handles", rests, /^Click a part/],
     [
       "a pointer on a part",
-      { ...rests, probe: { vertex: 7, level: 2, weights: new Uint16Array() } },
+      { ...rests, probe: { vertex: 7, level: 2, exact: false, weights: new Uint16Array() } },
       /^3 of 3: part 2 · click/,
     ],
     ["a new handle", held, /^Drag an arrow · \[ \] smaller or larger · D bends/],
@@ -25,7 +26,12 @@ describe("nextStep", () => {
     ["a moved handle", moved, /^Drag an arrow · click another part/],
     ["a painted region", { ...rests, painted: { weights: new Uint16Array(), count: 1 } }, /^Fix the selection/],
     ["a typed number", { ...held, typed: { axis: 2, text: "4" } }, /^Move z 4 .*Enter keeps it · Esc cancels/],
-    ["features that are being learned", { ...rests, edit: null }, /^Drag to orbit/],
+    ["parts that are being found", { ...rests, edit: null }, /^Drag to orbit .* in a moment$/],
+    [
+      "features that were not learned",
+      { ...rests, edit: stopped },
+      /^Drag to orbit .* after the features are learned$/,
+    ],
   ])("follows %s", (_, state, wanted) => {
     expect(nextStep(state as State, false)).toMatch(wanted);
   });
@@ -33,6 +39,7 @@ describe("nextStep", () => {
   it("names no keys on a touch screen", () => {
     expect(nextStep(rests, true)).toMatch(/^Tap a part/);
     expect(nextStep(held, true)).toBe("Drag an arrow · inspector: smaller or larger");
+    expect(nextStep(moved, true)).toBe("Drag an arrow · tap another part · menu: fix points · menu: timeline");
   });
 });
 

@@ -109,7 +109,8 @@ export class Gizmo {
 function heldOf(state: State): Held | null {
   const { mesh, axis, tool, gizmo, comparing } = state;
   const handle = selectedHandle(state);
-  if (!handle || !mesh || comparing || draws(tool)) return null;
+  // While a click keeps a point still, the gizmo must not take the click.
+  if (!handle || !mesh || comparing || draws(tool) || tool === "fix") return null;
   const pivoting = tool === "pivot";
   const bends = gizmo === "bend" && !pivoting;
   const { base, tip } = axis?.handle === handle.handle ? axis : { base: null, tip: null };

@@ -44,9 +44,12 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;
   if (!edit || !mesh) return [];
   const { center } = mesh;
+  // If the server computes the pose, its positions include bends, which columns do not.
+  const onSurface = (vertex: number, rest: Vec3): Vec3 =>
+    state.posed ? vertexAt(state.posed.positions, vertex) : posePoint(scene, rest, vertex);
   const posed = (vertex: number | null, position: Vec3): Vec3 => {
     const at = subtract(position, center);
-    return vertex === null ? at : posePoint(scene, at, vertex);
+    return vertex === null ? at : onSurface(vertex, at);
   };
   const marks: Mark[] = [];
   edit.fixed.forEach((fixed, index) => {
@@ -82,11 +85,15 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   }
   const { hover } = state;
   if (hover && !state.dragging && state.tool !== "pivot") {
-    const at = posePoint(scene, shape.at(hover.row), hover.vertex);
+    const at = onSurface(hover.vertex, shape.at(hover.row));
     const said = state.probe?.vertex === hover.vertex ? stepText(state, hover.vertex, state.level) : "";
     marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}`, said });
   }
   return marks;
+}
+
+function vertexAt(positions: Float32Array, vertex: number): Vec3 {
+  return [positions[3 * vertex], positions[3 * vertex + 1], positions[3 * vertex + 2]];
 }
 
 /** Return marks for the counterparts of the selected handle. A press switches the counterpart on or off. */
