@@ -37,7 +37,7 @@ class Candidates(NamedTuple):
 
     def overlaps(self, area: Float64) -> Float64:
         """Return the IoU (K, K) of all pairs of candidates. `area` (P,) are the areas of the patches."""
-        common = (self.regions * area) @ self.regions.T
+        common = (self.regions * area) @ self.regions.T.astype(np.float64)
         own = common.diagonal()
         return np.asarray(common / (own[:, None] + own - common), np.float64)
 

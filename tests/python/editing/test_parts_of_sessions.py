@@ -91,7 +91,7 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field
     assert weights[inside].mean() > 0.8
     away = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[inside][None], axis=2).min(axis=1)
     assert (weights[away > 0.05 * mesh.diagonal] == 0).all()
-    assert 0 < session.bound.reach(session.handles[0]) <= 2
+    assert 0 < session.bound.reach(session.edit, session.handles[0]) <= 2
     session.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
     assert again.handles[0].controls.reach == "part"

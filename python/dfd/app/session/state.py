@@ -63,7 +63,7 @@ class Editing:
         number = 1 + max((handle.id for handle in before.handles), default=0)
         edit = verbs.add(before, bound, number, at, name=None, level=level)
         weights, columns = bound.columns(edit, self._bands_shown_in(edit))
-        bound.reach(edit.handle(number))  # `state` needs it after a click, and it is cached
+        bound.reach(edit, edit.handle(number))  # `state` needs it after a click, and it is cached
         own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
         found: Float32 = weights[:, own].sum(axis=1)
         return found
@@ -162,7 +162,7 @@ class Editing:
             "handle": handle.id,
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
-            "reach": self.deformer.bound.reach(handle),
+            "reach": self.deformer.bound.reach(self.deformer.edit, handle),
             "origin": self.parts.origin(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),

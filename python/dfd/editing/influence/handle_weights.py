@@ -136,11 +136,11 @@ class HandleWeights:
         held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex], 0, _never, tuple)
         return _dense(held.components, self.mesh, affine)
 
-    def reach(self, handle: Handle) -> float:
+    def reach(self, edit: Edit, handle: Handle) -> float:
         """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
         if handle.controls.reach != "part":
             return handle.controls.reach
-        held = self.hold(handle.place, handle.controls.level)
+        held = self.held(edit, handle)
         if held is None:
             return PARTLESS_REACH
         # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.

@@ -63,11 +63,11 @@ class Column:
 
     @cached_property
     def support(self) -> Int64:
-        """Return the vertices (N,) whose weight can be above 0."""
+        """Return the vertices (N,) whose weight can be above 0, in any order; some are repeated."""
         if self.still is not None:
             return np.asarray(self.still.vertices, np.int64)
         found = [part for each in self.pieces for part in (each.core.vertices, each.component.vertices)]
-        return np.unique(np.concatenate(found)).astype(np.int64) if found else np.empty(0, np.int64)
+        return np.concatenate(found).astype(np.int64) if found else np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
