@@ -21,7 +21,6 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Float32, Float64, Int32, unit
 from dfd.distillation.targets import PointTargets
 from dfd.field.component_residuals import apart
-from dfd.geometry.topology import lowest_first
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
@@ -42,8 +41,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> Float32:
     points, component = targets.points.astype(np.float64), targets.component
     # The scene of the views is reused, because building its search tree takes a second for a million faces.
     scene = views.scene or Scene(views.vertices, views.faces)
-    corners = lowest_first(views.vertices, views.faces[targets.face])
-    thick = thicknesses(scene, views.vertices[corners], points, component)
+    thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
     ratio = np.log(np.clip(thick / max(size, 1e-12), np.exp(_CENTERS[0]), np.exp(_CENTERS[-1])))
     width = _CENTERS[1] - _CENTERS[0]
@@ -68,8 +66,9 @@ def thicknesses(
         The connected component (N,) of each point; None if there is only one. If equally many rays of a point hit on
         both sides, all rays of its component decide which side is inside.
     """
-    edges = corners[:, 1:].astype(np.float64) - corners[:, :1]
-    along, normal = unit(edges[:, 0]), unit(np.cross(edges[:, 0], edges[:, 1]))
+    edges = np.roll(corners, -1, axis=1).astype(np.float64) - corners
+    longest = np.linalg.norm(edges, axis=2).argmax(axis=1)
+    along, normal = unit(edges[np.arange(len(edges)), longest]), unit(np.cross(edges[:, 0], edges[:, 1]))
     across = np.cross(normal, along)
     # The rays of each point are rotated about the normal by a different angle, so that rays of neighbors differ.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))

@@ -136,7 +136,7 @@ def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
     if handle.controls.reach != "part":
         return {}
     held = weights.held(edit, handle)
-    lowest, highest = weights.parts.levels(weights.rows.anchor(handle.place))
+    lowest, highest = weights.parts_with(edit.symmetry).levels(weights.rows.anchor(handle.place))
     if held is None:
         return {"levels": (lowest, highest), "note": "with weights by features, because it lies on no part"}
     asked, notes = handle.controls.level, []

@@ -20,6 +20,7 @@ from dfd.views.raycast import Scene
 # Cosines between the rays of a point and its normal, from the middle of the cone outwards.
 COSINES = 1 - (np.arange(RAYS) + 0.5) / RAYS * (1 - np.cos(thickness.CONE))
 MEDIAN = (RAYS - 1) // 2
+IDENTITY = np.eye(3)
 
 
 def drawn(mesh: trimesh.Trimesh, count: int = 500) -> tuple[NDArray[np.float64], NDArray[np.int32], Any, Any]:
@@ -37,14 +38,16 @@ def thick(vertices: Any, faces: Any, points: Any, face: Any, piece: Any = None) 
     return thicknesses(Scene(vertices, faces), vertices[faces[face]], points, piece)
 
 
-def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
-    """Return the arguments of `thickness_bands`; transformed copies of a mesh have the same points."""
-    low, high = mesh.bounds
-    vertices = ((mesh.vertices - (low + high) / 2) / (np.max(high - low) / 2)).astype(np.float32)
-    points, face = sample_surface(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
+def targets_of(mesh: dfd.Mesh, turn: Any = IDENTITY, count: int = 3000) -> tuple[Any, PointTargets]:
+    """Return the arguments of `thickness_bands` for `mesh`, rotated by `turn` after its points were drawn."""
+    drawn_on = mesh.vertices / mesh.diagonal
+    points, face = sample_surface(drawn_on, mesh.faces, count, np.random.default_rng(0))
+    turned = drawn_on @ turn.T
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    vertices, points = (((at - (low + high) / 2) / (np.max(high - low) / 2)) for at in (turned, points @ turn.T))
     component = face_components(mesh.faces)
     piece = component[face] if component.max() > 0 else None
-    views = SimpleNamespace(vertices=vertices, faces=mesh.faces, scene=None)
+    views = SimpleNamespace(vertices=vertices.astype(np.float32), faces=mesh.faces, scene=None)
     return views, PointTargets(points.astype(np.float32), np.ones((count, 1), np.float32), None, piece, face=face)
 
 
@@ -74,7 +77,7 @@ def test_bands_increase_with_thickness_and_do_not_change_with_rotation_and_scale
     assert band["leg"] < band["body"]
     assert band["ear"] < band["body"]
     turn = Rotation.from_euler("xyz", (0.7, -0.4, 1.9)).as_matrix()
-    copy = thickness_bands(*targets_of(dfd.Mesh(7 * sample.mesh.vertices @ turn.T + 3, sample.mesh.faces)))
+    copy = thickness_bands(*targets_of(dfd.Mesh(7 * sample.mesh.vertices, sample.mesh.faces), turn))
     # A ray that grazes an edge can pass it on either side.
     assert np.abs(copy - bands).mean() < 2e-3
     assert np.quantile(np.abs(copy - bands), 0.99) < 0.05

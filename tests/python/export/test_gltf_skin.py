@@ -77,6 +77,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
 
 def test_counterparts_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
     session = make_session(dfd.samples.quadruped(4000).mesh)
+    session.bound.prepare([dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0)])
     session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point", reach=0.7)
     columns = session.bound.columns(session.edit)[1]
     count = len(columns)

@@ -28,6 +28,7 @@ TOWARDS["back"] = (0, 0, -1)
 LEAST_ON_SIDE = 0.1  # a component lies across a plane if more than this fraction of its vertices is on each side
 ONE_PIECE = 0.9  # least share of a component's area in its largest piece, if the component bends along its axis
 UPRIGHT = 0.9  # a component is upright if the cosine of the angle between its axis and the y axis is above this
+PARALLEL = 0.01  # sine of the angle to an axis, about 0.6°, below which a direction is parallel: axes are as inaccurate
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +202,7 @@ def bend_vector(part: BendablePart, angle: float, towards: Any = None) -> Vector
         raise ArgumentError("towards", f"must be {', '.join(TOWARDS)} or 3 numbers, got {towards!r}")
     wanted = vector("towards", TOWARDS[towards] if isinstance(towards, str) else towards)
     about = np.cross(along, unit(np.array([wanted]))[0])
-    if np.linalg.norm(about) < 1e-3:
+    if np.linalg.norm(about) < PARALLEL:
         raise ArgumentError("towards", "must not be parallel to the axis of the held part")
     return vector("bend", check.number(None, "bend", angle) * unit(about[None])[0])
 

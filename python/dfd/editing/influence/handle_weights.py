@@ -56,6 +56,7 @@ class HandleWeights:
         self._axes = PartAxes(mesh)
         self._holdings: dict[Hashable, Holding | None] = {}  # the places used last are at the end
         self._bendable: dict[Hashable, list[BendablePart]] = {}
+        self._other_parts: tuple[SymmetryPlane, Parts] | None = None
         self._plan: tuple[Hashable, Plan] | None = None
         self._filled: tuple[Plan, list[tuple[Band, ...]], Float32] | None = None
 
@@ -79,6 +80,14 @@ class HandleWeights:
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
         return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
+
+    def parts_with(self, plane: SymmetryPlane | None) -> Parts:
+        """Return the parts of the mesh, which are symmetric in the planes of the shape, or in the edit's `plane`."""
+        if plane is None or any(_equal(plane, known) for known in self._planes):
+            return self.parts
+        if self._other_parts is None or not _equal(self._other_parts[0], plane):
+            self._other_parts = plane, Parts(self.mesh, self.rows.of_vertices, lambda: [plane])
+        return self._other_parts[1]
 
     def _known_planes(self) -> list[SymmetryPlane]:
         return self._planes
@@ -104,9 +113,10 @@ class HandleWeights:
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
             vertex = int(nodes.members[nodes.starts[followed]])
-        lowest, highest = self.parts.levels(vertex)
+        parts = self.parts_with(plane)
+        lowest, highest = parts.levels(vertex)
         level = min(max(level, lowest), highest)
-        component = self.parts.components(vertex, level)
+        component = parts.components(vertex, level)
         if component is None:
             return None
         region = None
@@ -271,7 +281,7 @@ class HandleWeights:
 
     def level_with_axis(self, edit: Edit, handle: Handle) -> int | None:
         """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""
-        lowest, highest = self.parts.levels(self.rows.anchor(handle.place))
+        lowest, highest = self.parts_with(edit.symmetry).levels(self.rows.anchor(handle.place))
         for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
             other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
             parts = self.bendable_parts(replace(edit, handles=(other,)), other)
@@ -439,3 +449,8 @@ def _equalized(weights: Float32, portions: Sequence[Share], factors: Sequence[fl
         return found
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
     return [Share(vertices, values * less[vertices]) for vertices, values in found]
+
+
+def _equal(one: SymmetryPlane, other: SymmetryPlane) -> bool:
+    """Return whether two planes have equal normals and offsets; their bands can differ."""
+    return (one.normal, one.offset) == (other.normal, other.offset)
