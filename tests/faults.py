@@ -243,7 +243,8 @@ class Trial:
 def _run_tests(tree: Path, package: str, first: str) -> None:
     """Run the quick tests of `package` until one fails; those in `test_FIRST.py` run first. Exit with pytest's code."""
     os.chdir(tree)
-    sys.path[:] = [str(tree / "python"), *(path for path in sys.path if not Path(path).resolve().is_relative_to(ROOT))]
+    own = ROOT, ROOT / "python"
+    sys.path[:] = [str(tree / "python"), str(tree), *(path for path in sys.path if Path(path).resolve() not in own)]
     for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
         del sys.modules[name]
     for stream in (sys.stdout, sys.stderr):
