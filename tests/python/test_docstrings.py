@@ -1,7 +1,9 @@
-"""Test that the Python reference lists the parameters of every public function, and nothing else as a parameter."""
+"""Test the docstrings: the reference lists the parameters of public functions and nothing else, and all code runs."""
 
 from __future__ import annotations
 
+import ast
+import doctest
 import importlib
 import inspect
 import re
@@ -17,10 +19,11 @@ from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "docs"))
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "docs"))
 with_sections = importlib.import_module("tools.docstrings").with_sections
 
-KNOWN = {"Attributes", "Parameters", "Returns", "Raises", "Warns", "Notes"}
+KNOWN = {"Attributes", "Parameters", "Returns", "Raises", "Warns", "Notes", "Examples"}
 KEYWORDS = {*CONTROLS, *MOTIONS, *DistillSettings.model_fields}  # `**` of public functions
 SELF = {"self", "cls"}
 
@@ -89,3 +92,44 @@ def test_prose_after_parameters_becomes_notes_and_errors() -> None:
     )
     assert "\n\nNotes\n-----\nThen prose with\nwords.\n\nRaises\n------\n" in text
     assert text.endswith("ValueError\n    If `a` is wrong.\nOSError or TypeError\n    As `load` does.")
+
+
+def test_examples_stay_behind_notes_and_errors() -> None:
+    text = with_sections("Do it. Raises ValueError if a.\n\nExamples\n--------\nSome words:\n\n>>> 1 + 1\n2")
+    assert text == "Do it.\n\nRaises\n------\nValueError\n    If a.\n\nExamples\n--------\nSome words:\n\n>>> 1 + 1\n2"
+
+
+def docstrings() -> Iterator[tuple[str, str]]:
+    """Yield the docstrings of all modules, classes and functions of the package, with their names."""
+    for path in sorted((ROOT / "python" / "dfd").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+                yield f"{path.stem}.{getattr(node, 'name', '')}", text
+
+
+DOCSTRINGS = list(docstrings())
+EXAMPLES = {name: text for name, text in DOCSTRINGS if ">>> " in text}
+CODE = re.compile(r"\s*(import dfd|dfd [a-z]+ \S|([\w, ]+ = )?(dfd|session|mesh|field)\.\w+\()")
+
+
+def test_code_in_docstrings_is_marked_as_an_example() -> None:
+    assert CODE.match('mesh = dfd.load("chair.glb")')
+    assert CODE.match("    dfd deform chair.glb")
+    assert [(name, line) for name, text in DOCSTRINGS for line in text.splitlines() if CODE.match(line)] == []
+
+
+def test_functions_of_the_first_hour_have_examples() -> None:
+    wanted = ("__init__.", "mesh.load", "distill.distill", "deformer.Deformer", "bind.bind", "pose.pose")
+    assert set(wanted) <= EXAMPLES.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_in_docstrings_run_in_an_empty_folder(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, None, None)
+    assert example.examples
+    said: list[str] = []
+    assert doctest.DocTestRunner().run(example, out=said.append).failed == 0, "".join(said)

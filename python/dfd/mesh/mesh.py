@@ -263,6 +263,19 @@ def load(
 
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
     has faces with fewer than three corners; the mesh omits these faces.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> dfd.samples.chair().mesh.save("chair.glb")
+    >>> mesh = dfd.load("chair.glb")
+    >>> mesh.vertices.shape == (len(mesh.vertices), 3)
+    True
+    >>> triangle = dfd.load(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> triangle.vertices
+    array([[0., 0., 0.],
+           [1., 0., 0.],
+           [0., 1., 0.]])
     """
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh

@@ -63,6 +63,14 @@ def symmetry_planes(
 
     Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.robot().mesh
+    >>> best, *others = dfd.symmetry_planes(dfd.distill(mesh), mesh)
+    >>> [abs(round(number, 2)) for number in best.normal]
+    [1.0, 0.0, 0.0]
     """
     check.field("symmetry_planes", field)
     mesh = as_mesh(mesh)
