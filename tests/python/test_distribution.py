@@ -42,6 +42,12 @@ def test_every_library_in_the_page_has_a_notice():
     assert all(re.search(rf"^- {name}\b.*Copyright", notices, re.MULTILINE) for name in client["dependencies"])
 
 
+def test_every_folder_with_learned_numbers_has_a_notice():
+    folders = {path.parent for path in (ROOT / "python/dfd").rglob("*.safetensors")} | {ROOT / "python/dfd/segmentation"}
+    notices = (ROOT / "THIRD_PARTY.md").read_text("utf-8")
+    assert [folder for folder in folders if f"`{folder.relative_to(ROOT / 'python')}`" not in notices] == []
+
+
 def test_the_lowest_python_is_the_same_everywhere():
     lowest = PROJECT["project"]["requires-python"].removeprefix(">=")
     tag = f"cp{lowest.replace('.', '')}"
