@@ -84,11 +84,12 @@ def at_fewest_faces(rows: Sequence[Row]) -> float:
 
 
 def most_faces(method: str) -> Rule:
-    """Return a rule: the largest number of faces at which `method` gave a result."""
+    """Return a rule: the largest number of faces at which `method` gave a result; NaN if no mesh has more than 10⁵."""
 
     def number(rows: Sequence[Row]) -> float:
         done = [row["faces"] for row in rows if row.get("method") == method and row.get("bind s") is not None]
-        return float(max(done, default=float("nan")))
+        tried = max((row["faces"] for row in rows), default=0)
+        return float(max(done, default=0)) if tried > FAILING else float("nan")
 
     return number
 
@@ -99,6 +100,8 @@ FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free",
 PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
 PLANE, FLIPPED = "shapes with a plane, %", "faces flipped by DFD, %"
 MOTION, LEAST_MOTION = "similar vertices move %", 0.5  # in % of the diagonal
+FAILING = 1e5  # number of faces above which the paper's biharmonic coordinates fail
+ORDERS = 100  # the paper says that DFD binds new handles several orders of magnitude faster
 METRICS = ("area %", "angle °", "edge %", "volume %")
 ENCODER = "our encoder, at the same place of a picture, gives different features to left and right."
 HARDWARE = "two cores instead of an NVIDIA A40."
@@ -138,7 +141,7 @@ def smooth(*methods: str) -> tuple[Claim, ...]:
 def rebind(count: int, how: str, paper: str) -> Claim:
     """Return the claim that DFD binds `count` new handles faster than OptCtrlPoints."""
     measured = f"seconds for {count} handle{'s' * (count > 1)}, OptCtrlPoints / DFD ({how})"
-    return Claim(paper, measured, resolution.speedup(count, how), 1000, cause=HARDWARE)
+    return Claim(paper, measured, resolution.speedup(count, how), ORDERS, cause=HARDWARE)
 
 
 FIGURES: dict[str, tuple[Claim, ...]] = {
@@ -196,7 +199,7 @@ FIGURES: dict[str, tuple[Claim, ...]] = {
             "biharmonic fails past 10⁵ faces",
             "most faces with a result of biharmonic",
             most_faces("biharmonic"),
-            most=1e5,
+            most=FAILING,
         ),
         Claim(
             "scales better than all methods across all phases",

@@ -43,7 +43,9 @@ def test_every_library_in_the_page_has_a_notice():
 
 
 def test_every_folder_with_learned_numbers_has_a_notice():
-    folders = {path.parent for path in (ROOT / "python/dfd").rglob("*.safetensors")} | {ROOT / "python/dfd/segmentation"}
+    folders = {path.parent for path in (ROOT / "python/dfd").rglob("*.safetensors")} | {
+        ROOT / "python/dfd/segmentation"
+    }
     notices = (ROOT / "THIRD_PARTY.md").read_text("utf-8")
     assert [folder for folder in folders if f"`{folder.relative_to(ROOT / 'python')}`" not in notices] == []
 

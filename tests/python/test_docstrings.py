@@ -81,6 +81,12 @@ def test_a_short_docstring_names_every_parameter(name: str) -> None:
     assert not missing or re.search(r"; see |as in |are those of|through ", value.__doc__), missing
 
 
+@pytest.mark.parametrize("name", PUBLIC)
+def test_the_reference_names_types_as_the_code_does(name: str) -> None:
+    """Sphinx shows an alias such as ArrayLike by its name only if annotations are not evaluated."""
+    assert "_NestedSequence" not in str(inspect.signature(PUBLIC[name]))
+
+
 def test_prose_after_parameters_becomes_notes_and_errors() -> None:
     docstring = (
         "Do it.\n\nParameters\n----------\na\n    The first.\nb, c\n    Others.\n\n    More of them.\n\n"

@@ -1,5 +1,7 @@
 """Define a field by given features of the vertices of a mesh."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from functools import cached_property

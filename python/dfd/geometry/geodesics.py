@@ -1,5 +1,7 @@
 """Compute distances along the surface, for locality (Eq. 7)."""
 
+from __future__ import annotations
+
 import threading
 from dataclasses import dataclass
 from typing import Any

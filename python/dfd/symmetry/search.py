@@ -1,5 +1,7 @@
 """Find the mirror planes of a shape: planes whose two sides have similar features (paper, section 3.3.3)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Literal
 

@@ -4,6 +4,8 @@ The features of a shape vary mostly along few directions. They are projected to 
 coordinates become entries of 8 or 16 bits. Equal features have equal entries: the weight at a handle is exactly 1.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
