@@ -41,6 +41,7 @@ def public() -> Iterator[tuple[str, Any]]:
 
 
 PUBLIC = dict(public())
+REFERENCE = (ROOT / "docs" / "reference" / "python.md").read_text("utf-8")
 
 
 def sections(value: Any) -> dict[str, str]:
@@ -84,7 +85,22 @@ def test_a_short_docstring_names_every_parameter(name: str) -> None:
 @pytest.mark.parametrize("name", PUBLIC)
 def test_the_reference_names_types_as_the_code_does(name: str) -> None:
     """Sphinx shows an alias such as ArrayLike by its name only if annotations are not evaluated."""
-    assert "_NestedSequence" not in str(inspect.signature(PUBLIC[name]))
+    signature = inspect.signature(PUBLIC[name])
+    assert "_NestedSequence" not in str(signature)
+    written = re.search(rf":: {name}\((.*)\)$", REFERENCE, re.MULTILINE)
+    assert (written is not None) == bool(re.search(r"= <|Annotated", str(signature)))  # Sphinx cannot show these well
+    if written is not None:
+        assert [each.partition("=")[0] for each in written[1].split(", ")] == list(signature.parameters)
+
+
+@pytest.mark.parametrize("name", [name for name, value in PUBLIC.items() if inspect.isclass(value)])
+def test_the_reference_describes_the_parameters_of_every_class(name: str) -> None:
+    value = PUBLIC[name]
+    attributes = set(re.findall(r"^    (\w+): .*  #: |#: .*\n    (\w+): ", inspect.getsource(value), re.MULTILINE))
+    described = {each for pair in attributes for each in pair}
+    names = set(inspect.signature(value).parameters) - described
+    missing = {each for each in names if not re.search(rf"\b{each}\b", value.__doc__ or "")}
+    assert not missing or "parameters are those of" in (value.__doc__ or ""), missing
 
 
 def test_prose_after_parameters_becomes_notes_and_errors() -> None:
