@@ -113,6 +113,20 @@ def test_the_reference_says_of_every_page_what_it_shows_and_what_the_paper_has()
     assert all(f"`{each.prepare.__module__}.{each.prepare.__name__}`" in text for each in PEERS.values())
 
 
+def test_the_recorded_numbers_are_those_of_the_claims_and_their_bounds():
+    text = (ROOT / "docs" / "reference" / "paper.md").read_text("utf-8").partition("## Our numbers")[2]
+    lines = [line for line in text.splitlines() if line.startswith(("| `fig", "| `table"))]
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines if line.count(" | ") == 5]
+    assert len(rows) > 10
+    for name, kind, measured, number, bound, verdict in rows:
+        assert kind in ("full", "quick")
+        [claim] = [each for each in FIGURES[name.strip("`")] if each.measured == measured]
+        assert bound == (f"at least {claim.least:g}" if np.isfinite(claim.least) else f"at most {claim.most:g}")
+        within = claim.least <= float(number) <= claim.most
+        assert verdict == ("yes" if within else f"no: {claim.cause.rstrip('.')}")
+        assert within or claim.cause
+
+
 def test_a_verdict_follows_from_the_number_and_gives_the_cause():
     claim = Claim("1", "ratio", len, most=2, cause="two cores.")
     assert claim.verdict(2.0, quick=False) == "ratio: 2, within our bound (at most 2)."
@@ -162,6 +176,16 @@ def test_every_verdict_can_be_either(name: str, claim: Claim) -> None:
         "within",
         "outside",
     }
+
+
+def test_distortions_are_compared_on_the_shapes_on_which_a_method_works() -> None:
+    found = {"a": {NAMES["paper"]: 2, "ARAP": -1}, "b": {NAMES["paper"]: 50, "ARAP": None}}
+    rows = [
+        {"shape": shape, "method": method, "volume %": value, "note": "failed" if value is None else ""}
+        for shape, values in found.items()
+        for method, value in values.items()
+    ]
+    assert figures.against("volume %", "ARAP")(rows) == 2
 
 
 def test_a_limit_of_faces_is_not_decided_on_meshes_below_it() -> None:
