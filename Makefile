@@ -55,10 +55,14 @@ test-slow: client validator $(VENV)/installed-test
 ctest: $(VENV)/installed-test
 	$(BIN)/ctest --test-dir build/test --output-on-failure --parallel $(JOBS)
 
+JSONSCHEMA := $(BIN)/check-jsonschema --quiet --builtin-schema vendor
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(JSONSCHEMA).github-workflows .github/workflows/*.yml
+	$(JSONSCHEMA).github-issue-forms .github/ISSUE_TEMPLATE/bug.yml
+	$(JSONSCHEMA).github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(JSONSCHEMA).citation-file-format CITATION.cff
 	$(BIN)/codespell -D - -D tests/banned_words.txt
 	$(BIN)/mypy
 

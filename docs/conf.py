@@ -52,3 +52,5 @@ html_theme_options = {
     "dark_css_variables": {"color-brand-primary": "#7fb0ff", "color-brand-content": "#7fb0ff"},
 }
 copybutton_selector = "div:not(.output) > div.highlight pre"
+copybutton_prompt_text = r">>> |\.\.\. "  # which the copied code of an example lacks
+copybutton_prompt_is_regexp = True

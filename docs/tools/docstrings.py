@@ -1,7 +1,7 @@
 """Give docstrings the sections that Sphinx expects.
 
 In the code, a paragraph after the section Parameters or Returns is prose. Sphinx would read its words as parameters, so
-such paragraphs become the sections Raises and Notes before Sphinx reads them.
+such paragraphs become the sections Raises and Notes before Sphinx reads them. The section Examples stays the last one.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # the tests use this module without Sphinx
 
 NAPOLEON = 500  # priority of the function that reads the sections; this module is called before it
 RAISES = re.compile(r"(?:(?<=[.:] )|^)Raises (?=\w+Error)")
+EXAMPLES = "\n\nExamples\n--------\n"
 ERRORS = re.compile(r"(\w+Error(?:(?:,| or|, or) \w+Error)*),?\s*(.*)", re.DOTALL)
 
 
@@ -34,7 +35,8 @@ def with_sections(docstring: str) -> str:
     notes: list[str] = []
     errors: list[str] = []
     inside = False  # whether a section has begun
-    for paragraph in re.split(r"\n\s*\n", docstring.strip("\n")):
+    text, heading_of_examples, examples = docstring.strip("\n").partition(EXAMPLES)
+    for paragraph in re.split(r"\n\s*\n", text):
         lines = paragraph.splitlines()
         heading = len(lines) > 1 and re.fullmatch(r"-{3,}", lines[1].strip()) is not None
         prose = not heading and not any(line.startswith(" ") for line in lines)
@@ -53,7 +55,7 @@ def with_sections(docstring: str) -> str:
         kept.append("\n\n".join(["Notes\n-----\n" + notes[0], *notes[1:]]))
     if errors:
         kept.append("Raises\n------\n" + "\n".join(map(_error, errors)))
-    return "\n\n".join(kept)
+    return "\n\n".join(kept) + heading_of_examples + examples
 
 
 def _error(sentence: str) -> str:

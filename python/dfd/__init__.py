@@ -1,10 +1,17 @@
 """Deep Feature Deformation weights: grab a point of a mesh, and everything that looks alike follows.
 
-mesh = dfd.load("chair.glb")
-field = dfd.distill(mesh)                       # once per shape
-weights = dfd.bind(field.features(mesh), [17])  # milliseconds
-moved = dfd.pose(mesh.vertices, weights, transforms)
-mesh.save("longer.glb", moved)
+>>> import dfd
+>>> mesh = dfd.samples.chair().mesh  # or dfd.load("chair.glb")
+>>> field = dfd.distill(mesh)  # once per shape
+>>> session = dfd.Deformer(mesh, field)
+>>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
+>>> mesh.save("longer.glb", session.vertices)
+
+A session computes its vertices with two functions, which implement the equations of the paper:
+
+>>> weights = dfd.bind(field.features(mesh), [17])  # milliseconds
+>>> raise_by = [[1, 0, 0, 0], [0, 1, 0, 0.2], [0, 0, 1, 0]]
+>>> moved = dfd.pose(mesh.vertices, weights, [raise_by])
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from dfd.common.distribution import DISTRIBUTION
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 sys.path.append(str(ROOT / "tests" / "wheel"))
-with_address = importlib.import_module("release").with_address
+release = importlib.import_module("release")
 
 
 def test_the_distribution_has_one_name():
@@ -42,6 +42,14 @@ def test_every_library_in_the_page_has_a_notice():
     assert all(re.search(rf"^- {name}\b.*Copyright", notices, re.MULTILINE) for name in client["dependencies"])
 
 
+def test_every_folder_with_learned_numbers_has_a_notice():
+    folders = {path.parent for path in (ROOT / "python/dfd").rglob("*.safetensors")} | {
+        ROOT / "python/dfd/segmentation"
+    }
+    notices = (ROOT / "THIRD_PARTY.md").read_text("utf-8")
+    assert [folder for folder in folders if f"`{folder.relative_to(ROOT / 'python')}`" not in notices] == []
+
+
 def test_the_lowest_python_is_the_same_everywhere():
     lowest = PROJECT["project"]["requires-python"].removeprefix(">=")
     tag = f"cp{lowest.replace('.', '')}"
@@ -54,7 +62,7 @@ def test_the_lowest_python_is_the_same_everywhere():
 
 
 def test_links_of_the_readme_lead_to_the_repository_on_the_index():
-    text = with_address((ROOT / "README.md").read_text("utf-8"), "https://example.org/dfd", "1.2")
+    text = release.with_address((ROOT / "README.md").read_text("utf-8"), "https://example.org/dfd", "1.2")
     links = re.findall(r"\]\(([^)]+)\)", text)
     assert links
     assert [link for link in links if not link.startswith(("https://", "#"))] == []
@@ -78,3 +86,61 @@ def test_the_source_distribution_has_what_its_build_and_its_tests_read(tmp_path)
     assert not [name for name in names if "node_modules" in name or name.startswith("build/")]
     for line in ("License-Expression: MIT", "License-File: THIRD_PARTY.md", "License-File: docs/learned.md"):
         assert f"{line}\n" in metadata
+
+
+@pytest.fixture
+def repository(tmp_path, monkeypatch):
+    """Return a function that makes a repository of a version with these files, for which a release is then tried."""
+
+    def make(**files):
+        files = {"pyproject.toml": '[project]\nversion = "1.2.3"\n', "CHANGELOG.md": "## [1.2.3] - today\n", **files}
+        for name, text in files.items():
+            (tmp_path / name).write_text(text, "utf-8")
+        who = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+        for command in (("init", "-q"), ("add", "-A"), (*who, "commit", "-q", "-m", "all")):
+            subprocess.run(["git", *command], cwd=tmp_path, check=True)
+        monkeypatch.setattr(release, "ROOT", tmp_path)
+        monkeypatch.setattr(importlib.import_module("everywhere"), "ROOT", tmp_path)
+        monkeypatch.delenv("GITHUB_REF_TYPE", raising=False)
+        return tmp_path
+
+    return make
+
+
+def test_a_clean_tree_with_its_version_in_the_changelog_can_be_released(repository):
+    repository()
+    assert release.checked_version() == "1.2.3"
+
+
+@pytest.mark.parametrize(
+    ("files", "changed", "message"),
+    [
+        ({}, {"new.py": ""}, "changes that are not committed"),
+        ({"CHANGELOG.md": "## [1.2.30]\n"}, {}, r"CHANGELOG.md has no section \[1.2.3\]"),
+    ],
+)
+def test_other_trees_are_not_released(repository, files, changed, message):
+    root = repository(**files)
+    for name, text in changed.items():
+        (root / name).write_text(text)
+    with pytest.raises(SystemExit, match=message):
+        release.checked_version()
+
+
+def test_a_tag_of_another_version_is_not_released(repository, monkeypatch):
+    repository()
+    monkeypatch.setenv("GITHUB_REF_TYPE", "tag")
+    monkeypatch.setenv("GITHUB_REF_NAME", "v1.2.4")
+    with pytest.raises(SystemExit, match="the tag v1.2.4 is not that of version 1.2.3"):
+        release.checked_version()
+
+
+def test_a_release_without_the_page_fails(repository, tmp_path_factory):
+    root, source = repository(), tmp_path_factory.mktemp("source")
+    with pytest.raises(SystemExit, match="the app's page is not built"):
+        release.export(source)
+    (root / release.PAGE).mkdir(parents=True)
+    (root / release.PAGE / "index.html").touch()
+    release.export(source)
+    assert (source / release.PAGE / "index.html").is_file()
+    assert (source / "CHANGELOG.md").is_file()

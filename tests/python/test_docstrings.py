@@ -1,7 +1,9 @@
-"""Test that the Python reference lists the parameters of every public function, and nothing else as a parameter."""
+"""Test the docstrings: the reference lists the parameters of public functions and nothing else, and all code runs."""
 
 from __future__ import annotations
 
+import ast
+import doctest
 import importlib
 import inspect
 import re
@@ -17,10 +19,11 @@ from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import CONTROLS
 from dfd.posing.transforms import MOTIONS
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "docs"))
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "docs"))
 with_sections = importlib.import_module("tools.docstrings").with_sections
 
-KNOWN = {"Attributes", "Parameters", "Returns", "Raises", "Warns", "Notes"}
+KNOWN = {"Attributes", "Parameters", "Returns", "Raises", "Warns", "Notes", "Examples"}
 KEYWORDS = {*CONTROLS, *MOTIONS, *DistillSettings.model_fields}  # `**` of public functions
 SELF = {"self", "cls"}
 
@@ -38,6 +41,7 @@ def public() -> Iterator[tuple[str, Any]]:
 
 
 PUBLIC = dict(public())
+REFERENCE = (ROOT / "docs" / "reference" / "python.md").read_text("utf-8")
 
 
 def sections(value: Any) -> dict[str, str]:
@@ -78,6 +82,27 @@ def test_a_short_docstring_names_every_parameter(name: str) -> None:
     assert not missing or re.search(r"; see |as in |are those of|through ", value.__doc__), missing
 
 
+@pytest.mark.parametrize("name", PUBLIC)
+def test_the_reference_names_types_as_the_code_does(name: str) -> None:
+    """Sphinx shows an alias such as ArrayLike by its name only if annotations are not evaluated."""
+    signature = inspect.signature(PUBLIC[name])
+    assert "_NestedSequence" not in str(signature)
+    written = re.search(rf":: {name}\((.*)\)$", REFERENCE, re.MULTILINE)
+    assert (written is not None) == bool(re.search(r"= <|Annotated", str(signature)))  # Sphinx cannot show these well
+    if written is not None:
+        assert [each.partition("=")[0] for each in written[1].split(", ")] == list(signature.parameters)
+
+
+@pytest.mark.parametrize("name", [name for name, value in PUBLIC.items() if inspect.isclass(value)])
+def test_the_reference_describes_the_parameters_of_every_class(name: str) -> None:
+    value = PUBLIC[name]
+    attributes = set(re.findall(r"^    (\w+): .*  #: |#: .*\n    (\w+): ", inspect.getsource(value), re.MULTILINE))
+    described = {each for pair in attributes for each in pair}
+    names = set(inspect.signature(value).parameters) - described
+    missing = {each for each in names if not re.search(rf"\b{each}\b", value.__doc__ or "")}
+    assert not missing or "parameters are those of" in (value.__doc__ or ""), missing
+
+
 def test_prose_after_parameters_becomes_notes_and_errors() -> None:
     docstring = (
         "Do it.\n\nParameters\n----------\na\n    The first.\nb, c\n    Others.\n\n    More of them.\n\n"
@@ -89,3 +114,44 @@ def test_prose_after_parameters_becomes_notes_and_errors() -> None:
     )
     assert "\n\nNotes\n-----\nThen prose with\nwords.\n\nRaises\n------\n" in text
     assert text.endswith("ValueError\n    If `a` is wrong.\nOSError or TypeError\n    As `load` does.")
+
+
+def test_examples_stay_behind_notes_and_errors() -> None:
+    text = with_sections("Do it. Raises ValueError if a.\n\nExamples\n--------\nSome words:\n\n>>> 1 + 1\n2")
+    assert text == "Do it.\n\nRaises\n------\nValueError\n    If a.\n\nExamples\n--------\nSome words:\n\n>>> 1 + 1\n2"
+
+
+def docstrings() -> Iterator[tuple[str, str]]:
+    """Yield the docstrings of all modules, classes and functions of the package, with their names."""
+    for path in sorted((ROOT / "python" / "dfd").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+                yield f"{path.stem}.{getattr(node, 'name', '')}", text
+
+
+DOCSTRINGS = list(docstrings())
+EXAMPLES = {name: text for name, text in DOCSTRINGS if ">>> " in text}
+CODE = re.compile(r"\s*(import dfd|dfd [a-z]+ \S|([\w, ]+ = )?(dfd|session|mesh|field)\.\w+\()")
+
+
+def test_code_in_docstrings_is_marked_as_an_example() -> None:
+    assert CODE.match('mesh = dfd.load("chair.glb")')
+    assert CODE.match("    dfd deform chair.glb")
+    assert [(name, line) for name, text in DOCSTRINGS for line in text.splitlines() if CODE.match(line)] == []
+
+
+def test_functions_of_the_first_hour_have_examples() -> None:
+    wanted = ("__init__.", "mesh.load", "distill.distill", "deformer.Deformer", "bind.bind", "pose.pose")
+    assert set(wanted) <= EXAMPLES.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_in_docstrings_run_in_an_empty_folder(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, None, None)
+    assert example.examples
+    said: list[str] = []
+    assert doctest.DocTestRunner().run(example, out=said.append).failed == 0, "".join(said)

@@ -24,19 +24,23 @@ TEXT = "\n".join(PAGES.values()).replace("\\\n", " ")
 FENCES = "\n".join(re.findall(r"^```(?:sh|bash)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL))
 CALLS = re.findall(r"(?:^    |`)dfd ([a-z]+)([^`\n]*)", TEXT, re.MULTILINE)
 CALLS += re.findall(r"^dfd ([a-z]+)(.*)", FENCES, re.MULTILINE)
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+# Commands that `make docs` does not run: they install, build, start servers or Ray, or need data of the user, which a
+# page names in capitals.
+NOT_RUN = re.compile(r"pip install |make |dfd (app|batch) |export |python -m |asv |.* [A-Z]{4,}\b")
 WIDTH = 88  # characters of code that fit a column of the built pages
 MODULES = sorted(set(re.findall(r"python -m ((?:dfd|bench)[\w.]*)", TEXT)))
 
 
 @pytest.mark.parametrize("name", dfd.__all__)
 def test_the_reference_has_every_public_name(name: str) -> None:
-    assert re.search(rf":: (dfd\.)?{name}$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
+    assert re.search(rf":: (dfd\.)?{name}(\(.*\))?$", PAGES[Path("docs/reference/python.md")], re.MULTILINE)
 
 
 def test_the_reference_calls_experimental_what_the_package_does() -> None:
     [marked] = re.findall(r"^__all__ \+= \[(.*)\]$", Path(dfd.__file__).read_text("utf-8"), re.MULTILINE)
     text = PAGES[Path("docs/reference/python.md")].partition("## Experimental")[2]
-    assert set(re.findall(r":: (\w+)$", text, re.MULTILINE)) - {"dfd"} == set(re.findall(r'"(\w+)"', marked))
+    assert set(re.findall(r":: (\w+)(?:\(.*\))?$", text, re.MULTILINE)) - {"dfd"} == set(re.findall(r'"(\w+)"', marked))
 
 
 def test_pages_agree_on_the_precision_of_weights() -> None:
@@ -60,8 +64,21 @@ def test_code_fits_its_column(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)
+def test_code_is_run_unless_it_installs_or_needs_a_server_or_data(page: Path) -> None:
+    text = PAGES[page].replace("\\\n", " ")
+    lines: dict[str, list[str]] = {}
+    for language, code in FENCE.findall(text):
+        lines.setdefault(language, []).extend(code.splitlines())
+    assert lines.keys() <= {"python", "sh", "bash", "js"}
+    assert all(line.startswith("dfd ") for line in lines.get("sh", ()))  # `make docs` runs only these lines
+    indented = re.findall(r"^    (.*)$", FENCE.sub("", text).partition("    @inproceedings")[0], re.MULTILINE)
+    assert [line for line in [*lines.get("bash", ()), *indented] if not NOT_RUN.match(line)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
 def test_code_reads_only_files_that_its_page_made_before(page: Path) -> None:
-    code = "\n".join(re.findall(r"^```(?:python|sh)\n(.*?)^```$", PAGES[page], re.MULTILINE | re.DOTALL))
+    code = re.findall(r"^```(?:python|sh|bash)\n(.*?)^```$|^    (dfd .*\n)", PAGES[page], re.MULTILINE | re.DOTALL)
+    code = "".join(fenced or indented for fenced, indented in code)
     made: set[str] = set()
     for line in code.replace("\\\n", " ").splitlines():
         line = line.partition("  #")[0]

@@ -52,7 +52,8 @@ class CommandGroup(TyperGroup):
                 if not hasattr(error, "format_message"):
                     raise
                 usage = one_line(error.format_message()).replace("Value error, ", "")
-                code = _fail(f"{usage} (see dfd --help)" if usage else "give a command (see dfd --help)", BAD_INPUT)
+                command = getattr(getattr(error, "ctx", None), "command_path", "dfd")
+                code = _fail(f"{usage or 'give a command'} (see {command} --help)", BAD_INPUT)
         sys.exit(code if isinstance(code, int) else 0)
 
     def invoke(self, ctx: Any) -> Any:

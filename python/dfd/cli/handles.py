@@ -79,8 +79,11 @@ def _value(flag: str, metavar: str, rest: list[str]) -> str:
     numbers = next((i for i, word in enumerate(rest) if not is_number(word)), len(rest)) if 3 in counts else 0
     is_text = numbers == 0 and bool(rest) and not (3 in counts and rest[0].startswith("-"))
     listed = rest[0].split(",") if is_text and 3 in counts else ()
-    if len(listed) > 1 and (wrong := [each for each in listed if not is_number(each)]):
+    wrong = [each for each in listed if not is_number(each)]
+    if wrong and len(listed) > 1:
         raise ValueError(f"`{flag}` needs numbers, got {rest[0]}, and {wrong[0] or 'nothing'} is no number")
+    if wrong and metavar.isupper():
+        raise ValueError(f"`{flag}` needs {' or '.join(map(str, sorted(counts)))} numbers, got {rest[0]}")
     if numbers not in counts and not is_text:
         needed = f"{' or '.join(map(str, sorted(counts)))} numbers" if 3 in counts else "a value"
         got = f"{numbers}: {' '.join(rest[:numbers])}" if numbers else "none"

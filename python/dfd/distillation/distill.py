@@ -94,6 +94,16 @@ def distill(
         If the cache cannot be written; the call continues.
 
     Source: paper, Eq. 2 and 3 and supplement L.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.chair().mesh
+    >>> field = dfd.distill(mesh)
+    >>> field.save("chair.field.safetensors")
+    >>> field = dfd.Field.load("chair.field.safetensors", mesh=mesh)
+    >>> field.settings["views"]
+    24
     """
     from dfd.mesh.mesh import as_mesh
 

@@ -64,6 +64,17 @@ class Deformer(History):
     Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
     None and `other_shape` is False, `dfd.field.compatibility.check_compatible` checks the field. A field distilled from
     another shape raises ValueError. Vertices far outside the bounding box of the field's shape cause a warning.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.chair().mesh
+    >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+    >>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
+    >>> session.move(foot, translation=(0, -0.3, 0))
+    >>> session.undo()
+    True
+    >>> mesh.save("longer.glb", session.vertices)
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.

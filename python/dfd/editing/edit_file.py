@@ -28,6 +28,7 @@
           "locality": 2.0,
           "radius": null,
           "strength": 1.0,
+          "level": 0,
           "counterparts": "shared_pivot",
           "excluded_counterparts": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
           "mask": null,
@@ -37,7 +38,26 @@
       "fixed": [{"vertex": 77, "position": [0.2, -0.7, 0.1], "region": null, "strength": 1.0}],
       "symmetry": {"normal": [1.0, 0.0, 0.0], "offset": 0.0, "band": 0.05},
       "default": null,
-      "poses": [{"seconds": 0.0, "transforms": [{"handle": 1, "translation": [0.0, 0.1, 0.0]}], "name": "up"}]
+      "poses": [
+        {
+          "seconds": 0.0,
+          "transforms": [
+            {
+              "handle": 1,
+              "translation": [0.0, 0.1, 0.0],
+              "rotation": [0.0, 0.0, 0.0],
+              "scale": [1.0, 1.0, 1.0],
+              "pivot": null,
+              "axes": null,
+              "pivot_at": null,
+              "bend": [0.0, 0.0, 0.0],
+              "twist": 0.0,
+              "joint": null
+            }
+          ],
+          "name": "up"
+        }
+      ]
     }
 
 Required keys: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. Other

@@ -40,12 +40,20 @@ def _written(transforms: Mapping[int, Transform]) -> list[dict[str, Any]]:
 class KeyPose:
     """The transforms of a session's handles at one moment.
 
+    Parameters
+    ----------
+    seconds
+        Time of the pose in the animation.
+    transforms
+        A transform for each handle that moves, by the handle's id. All other handles are at rest.
+    name
+        Name for display. A glTF file has it only as the name of a morph target.
+
     Raises ValueError if `seconds` is not a number or is negative, or `name` is no text that a file can store. Raises
     ValueError if a key of `transforms` is not a handle's id, or a value is not a transform.
     """
 
     seconds: Annotated[float, About("Time of the pose in the animation.", 0.0)]
-    #: By handle id; all other handles are at rest
     transforms: Annotated[Mapping[int, Transform], Written(tuple[PosedHandle, ...], _written)] = field(
         default_factory=dict
     )

@@ -70,6 +70,14 @@ def export_rig(
     Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
     ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
     than those of a joint. Raises OSError if a file cannot be written; an existing file stays unchanged.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.chair().mesh
+    >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+    >>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
+    >>> report = dfd.export_rig(session, "chair_rigged.glb")
     """
     target = Path(path)
     check.ending("export_rig", "path", target, ENDINGS)

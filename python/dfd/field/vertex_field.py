@@ -1,5 +1,7 @@
 """Define a field by given features of the vertices of a mesh."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from functools import cached_property
@@ -35,6 +37,15 @@ class VertexField(Field):
         A description of the source of the features, as JSON values.
 
     Raises ValueError if `features` has another array shape, is not finite, or has a row of zeros.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> import numpy as np
+    >>> sample = dfd.samples.chair()
+    >>> rows = np.eye(len(sample.parts))[sample.labels]  # a row for each vertex
+    >>> session = dfd.Deformer(sample.mesh, dfd.VertexField(sample.mesh, rows))
+    >>> seat = session.add(sample.vertices_of("seat")[0], translation=(0, 0.1, 0))
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:

@@ -48,6 +48,19 @@ class Mesh(ReadOnlyArrays):
     Several vertices may have the same position. The faces of a mesh from a file then use only the first of them, even
     along seams of texture or normals. `representative[i]` is the index of the first vertex at the position of vertex i.
     In a mesh from arrays, `representative[i]` is i.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) positions in mesh units, at least three.
+    faces
+        (F, 3) vertex indices, at least one face. Faces without area and repeated faces are kept.
+    appearance
+        Colors of the faces; None is gray. `dfd.load` reads them from the file.
+    scene
+        The content of the file, from which `save` keeps everything but positions and normals. `dfd.load` sets it.
+
+    Raises ValueError if an array has a wrong shape or type, a coordinate is not finite or an index is out of range.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units
@@ -60,13 +73,6 @@ class Mesh(ReadOnlyArrays):
     def __init__(
         self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
-        """Check and copy `vertices` (V, 3) and `faces` (F, 3): at least three vertices and one face.
-
-        Faces without area and repeated faces are kept. `appearance` holds the colors of the faces. `scene` is the
-        content of the source file, which `save` needs.
-
-        Raises ValueError if an array has a wrong shape or type, a coordinate is not finite or an index is out of range.
-        """
         self.vertices = _frozen(check.array("Mesh", "vertices", vertices, ("V", 3), dtype=np.float64))
         if len(self.vertices) < 3:
             raise ValueError(f"Mesh: `vertices` must hold at least 3 vertices, got {len(self.vertices)}")
@@ -263,6 +269,19 @@ def load(
 
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
     has faces with fewer than three corners; the mesh omits these faces.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> dfd.samples.chair().mesh.save("chair.glb")
+    >>> mesh = dfd.load("chair.glb")
+    >>> mesh.vertices.shape == (len(mesh.vertices), 3)
+    True
+    >>> triangle = dfd.load(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> triangle.vertices
+    array([[0., 0., 0.],
+           [1., 0., 0.],
+           [0., 1., 0.]])
     """
     check.choice("load", "pose", pose, _Pose)
     known = sys.modules.get("trimesh")  # None unless the caller has imported trimesh

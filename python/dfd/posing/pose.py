@@ -157,6 +157,16 @@ def pose(
 
     Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
     band, a smoothstep blends both sides.
+
+    Examples
+    --------
+    A vertex with the weight 0.5 moves half as far as the handle:
+
+    >>> import dfd
+    >>> raise_by_2 = [[1, 0, 0, 0], [0, 1, 0, 2], [0, 0, 1, 0]]
+    >>> dfd.pose([[0.0, 0, 0], [1, 0, 0]], [[1.0], [0.5]], [raise_by_2])
+    array([[0., 2., 0.],
+           [1., 1., 0.]])
     """
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients

@@ -23,10 +23,10 @@ _MOST_FACES = 10_000_000
 class Sample:
     """A generated mesh and the labels of its parts."""
 
-    mesh: Mesh
-    labels: Int32  # (V,) the kind of part of each vertex, as an index into `parts`
-    instances: Int32  # (V,) the index of each vertex's part among the parts of its kind, such as 0 to 3 for four legs
-    parts: tuple[str, ...]  # the names of the kinds of parts, such as "leg"
+    mesh: Mesh  #: the generated mesh
+    labels: Int32  #: (V,) the kind of part of each vertex, as an index into `parts`
+    instances: Int32  #: (V,) the index of each vertex's part among the parts of its kind, such as 0 to 3 for four legs
+    parts: tuple[str, ...]  #: the names of the kinds of parts, such as "leg"
 
     def vertices_of(self, part: str, instance: int | None = None) -> Int64:
         """Return the vertex indices (N,) of all parts of the kind `part`, or only of the one with the index `instance`.

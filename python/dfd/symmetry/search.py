@@ -1,5 +1,7 @@
 """Find the mirror planes of a shape: planes whose two sides have similar features (paper, section 3.3.3)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -63,6 +65,14 @@ def symmetry_planes(
 
     Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.robot().mesh
+    >>> best, *others = dfd.symmetry_planes(dfd.distill(mesh), mesh)
+    >>> [abs(round(number, 2)) for number in best.normal]
+    [1.0, 0.0, 0.0]
     """
     check.field("symmetry_planes", field)
     mesh = as_mesh(mesh)

@@ -104,6 +104,18 @@ def bind(
     Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
     and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
     W_ip = max(1 − ‖Z_i − Z_p‖, 0); in the paper, s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
+
+    Examples
+    --------
+    The first two vertices have nearly equal features, and the third has another feature:
+
+    >>> import dfd
+    >>> import numpy as np
+    >>> features = np.array([[1, 0], [0.8, 0.6], [0, 1]], np.float32)
+    >>> dfd.bind(features, [0]).round(3)
+    array([[1.   ],
+           [0.368],
+           [0.   ]], dtype=float32)
     """
     if tensors.tracked(features, handles, fixed, geodesic, out):
         raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")

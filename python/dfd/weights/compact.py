@@ -4,6 +4,8 @@ The features of a shape vary mostly along few directions. They are projected to 
 coordinates become entries of 8 or 16 bits. Equal features have equal entries: the weight at a handle is exactly 1.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -126,6 +128,15 @@ def compact(
 
     Raises ValueError if `features` or `points` have the wrong array shape, are empty or are not finite, or 16 bits are
     too few for the tolerance.
+
+    Examples
+    --------
+    >>> import dfd
+    >>> mesh = dfd.samples.chair().mesh
+    >>> features = dfd.compact(dfd.distill(mesh).on(mesh))
+    >>> weights = dfd.bind(features, [17])
+    >>> features.error <= 0.01
+    True
     """
     wanted = check.number("compact", "tolerance", tolerance, minimum=0, exclusive=True)
     source = _Source(features, points)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from dataclasses import replace
+from functools import cache
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ import trimesh
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from bench.paper import comparisons, page, resolution, subjects
+from bench.paper import comparisons, features, figures, page, resolution, subjects
 from bench.paper.__main__ import main
 from bench.paper.comparisons import case_of, constraints, farthest
 from bench.paper.figures import CANNOT, FIGURES, PAGES
@@ -24,7 +25,7 @@ from bench.paper.page import Claim, write
 from bench.paper.peers import PEERS, biharmonic
 from bench.paper.peers.biharmonic import direct, small_system
 from bench.paper.peers.peer import MOST_FACES, Body, Done, Job, PeerError, Tetrahedra, run, tetrahedra
-from bench.paper.subjects import Context
+from bench.paper.subjects import NAMES, Context
 from bench.quality.shapes import SAMPLES
 
 igl = pytest.importorskip("igl")
@@ -112,11 +113,94 @@ def test_the_reference_says_of_every_page_what_it_shows_and_what_the_paper_has()
     assert all(f"`{each.prepare.__module__}.{each.prepare.__name__}`" in text for each in PEERS.values())
 
 
+def test_the_recorded_numbers_are_those_of_the_claims_and_their_bounds():
+    text = (ROOT / "docs" / "reference" / "paper.md").read_text("utf-8").partition("## Our numbers")[2]
+    lines = [line for line in text.splitlines() if line.startswith(("| `fig", "| `table"))]
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines if line.count(" | ") == 5]
+    assert len(rows) > 10
+    for name, kind, measured, number, bound, verdict in rows:
+        assert kind in ("full", "quick")
+        [claim] = [each for each in FIGURES[name.strip("`")] if each.measured == measured]
+        assert bound == (f"at least {claim.least:g}" if np.isfinite(claim.least) else f"at most {claim.most:g}")
+        within = claim.least <= float(number) <= claim.most
+        assert verdict == ("yes" if within else f"no: {claim.cause.rstrip('.')}")
+        assert within or claim.cause
+
+
 def test_a_verdict_follows_from_the_number_and_gives_the_cause():
     claim = Claim("1", "ratio", len, most=2, cause="two cores.")
     assert claim.verdict(2.0, quick=False) == "ratio: 2, within our bound (at most 2)."
     assert claim.verdict(2.1, quick=False) == "ratio: 2.1, outside our bound (at most 2). Cause: two cores."
     assert "Not decided" in claim.verdict(float("nan"), quick=False)
+
+
+class AnyRow(dict):
+    """A table row with a random number in each column that it does not contain. Numbers grow with the faces."""
+
+    def __missing__(self, name: str) -> float:
+        random, means = self["random"], self["means"]
+        mean = means.setdefault(name, random.uniform(-3, 3))
+        of_kind = means.setdefault(("of", self["kind"]), random.normal(0, self["spread"]))
+        grown = means.setdefault("growth", random.uniform(0, 1.5)) * np.log10(dict.get(self, "faces", 1) / 1000)
+        self[name] = 10 ** float(mean + of_kind + max(grown, 0) + random.normal(0, self["spread"]) / 4)
+        return self[name]
+
+    def get(self, name, default=None):
+        return self[name]
+
+
+@cache
+def random_tables() -> list[list[AnyRow]]:
+    """Return tables with a row for each method, variant and size that a claim may name."""
+    return [random_table(np.random.default_rng(seed)) for seed in range(100)]
+
+
+def random_table(random: np.random.Generator) -> list[AnyRow]:
+    variants = ["free", "fixed", "λ = 0", "λ = 32", "leg", features.VERTICES_ALONE, *features.KINDS]
+    methods = ["ARAP", "biharmonic", "BBW", "NeuralMLS", "OptCtrlPoints", "DFD, forward pass", "DFD, features kept"]
+    common = {"random": random, "spread": random.uniform(0, 1), "means": {}, "shape": "a", "note": "", "nodes": 1}
+    kinds = [{"preset": NAMES["paper"], "variant": each} for each in variants for _ in range(2)]
+    largest = random.choice(resolution.FACES)
+    kinds += [
+        {"method": each, "faces": faces, **({"bind s": None} if faces > largest else {})}
+        for each, faces in product((NAMES["paper"], *methods), resolution.FACES)
+    ]
+    return [AnyRow(each, kind=each.get("method", each.get("variant")), **common) for each in kinds]
+
+
+@pytest.mark.parametrize(("name", "claim"), [(name, each) for name, claims in FIGURES.items() for each in claims])
+def test_every_verdict_can_be_either(name: str, claim: Claim) -> None:
+    tables = [[row for row in rows if name != "fig10" or "faces" in row] for rows in random_tables()]
+    verdicts = [claim.verdict(claim.number(rows), quick=False) for rows in tables]
+    assert {word for word in ("within", "outside") for each in verdicts if f", {word} our bound" in each} == {
+        "within",
+        "outside",
+    }
+
+
+def test_distortions_are_compared_on_the_shapes_on_which_a_method_works() -> None:
+    found = {"a": {NAMES["paper"]: 2, "ARAP": -1}, "b": {NAMES["paper"]: 50, "ARAP": None}}
+    rows = [
+        {"shape": shape, "method": method, "volume %": value, "note": "failed" if value is None else ""}
+        for shape, values in found.items()
+        for method, value in values.items()
+    ]
+    assert figures.against("volume %", "ARAP")(rows) == 2
+
+
+def test_a_limit_of_faces_is_not_decided_on_meshes_below_it() -> None:
+    rule = figures.most_faces("biharmonic")
+    rows = [{"method": "biharmonic", "faces": faces, "bind s": 1.0} for faces in resolution.FACES[:3]]
+    assert np.isnan(rule(rows))
+    assert rule([*rows, {"method": NAMES["paper"], "faces": 10**6}]) == 1e5
+    assert rule([*rows, {"method": "biharmonic", "faces": 10**6, "bind s": 1.0}]) == 1e6
+
+
+@pytest.mark.parametrize(("count", "paper"), [(1, 1150), (10, 946), (100, 641)])
+def test_the_numbers_of_the_paper_are_within_our_bound(count: int, paper: float) -> None:
+    [claim] = [each for each in FIGURES["table3"] if each.paper.startswith(f"{paper:,} times")]
+    assert f"{count} handle" in claim.measured
+    assert "within" in claim.verdict(paper, quick=False)
 
 
 @pytest.mark.parametrize("name", CANNOT)

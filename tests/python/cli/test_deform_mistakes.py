@@ -24,6 +24,9 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
         (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
         (("--handle", 1, "--translate", 0, "up", 0), "--translate"),
+        (("--handle", 1, "--translate", "up"), "`--translate` needs 3 numbers, got up"),
+        (("--handle", 1, "--rotate", "90deg"), "`--rotate` needs 3 numbers, got 90deg"),
+        (("--handle", 1, "--scale", "big"), "`--scale` needs 1 or 3 numbers, got big"),
         (("--fix", 1, "--edit", "none.json", "--mask-feather", 1), "`--handle` must be given with `--mask-feather`"),
         (("--handle", 1, "--translate", 0, "5cm", 0), "`--translate` needs 3 numbers, got 1: 0, and 5cm is no number"),
         (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
@@ -42,6 +45,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--preset", "mine"), "'mine' is not one of 'default', 'paper'"),
         (("--edit", "none.json"), "none.json: the edit could not be read: No such file or directory"),
         (("--handel", 1), "No such option: --handel"),
+        (("--handel", 1), "(see dfd deform --help)"),
     ],
 )
 def test_deform_names_what_is_wrong_and_writes_nothing(run, tmp_path, arguments, message):

@@ -1,5 +1,7 @@
 """Test the report of an edit."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,24 @@ def test_a_negative_scale_is_told_to_mirror(deformer):
     )
     deformer.move(1, scale=(-1, -1, 1))  # two negative factors are a rotation by 180°
     assert deformer.report().advice is None
+
+
+def test_who_bends_a_part_without_an_axis_is_told_a_level_that_has_one(quadruped_sample):
+    mesh, labels = quadruped_sample.mesh, quadruped_sample.labels
+    given = dfd.Deformer(mesh, dfd.VertexField(mesh, np.eye(len(quadruped_sample.parts), dtype=np.float32)[labels]))
+
+    def bent(at, level):
+        while given.handles:
+            given.remove(given.handles[0].id)
+        given.bend(given.add(at, level=level), 40)
+        return str(given.report())
+
+    named = set()
+    for at, level in [("bottom", -1), ("0,0.7,0", -2), ("0,0.7,0", -1), ("0,0.55,0.2", -1), ("0,0.55,0.2", 0)]:
+        try:
+            said = bent(at, level)
+        except ValueError as error:
+            said = str(error)
+        named |= {(at, int(found)) for found in re.findall(r"level (-?\d+) has one", said)}
+    assert len(named) >= 2
+    assert all("turned as a whole" not in bent(at, level) for at, level in named)

@@ -86,6 +86,10 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("empty.obj", "", "is empty"),
         ("words.obj", "once upon a time\n", "holds no faces|not a well-formed"),
         ("list.gltf", "[1, 2]", "its JSON is a list"),
+        ("words.gltf", "once upon a time\n", "begins neither with glTF, as a GLB file does, nor with a JSON object"),
+        ("junk.glb", b"\xa5\x9f\x00\xff", "begins neither with glTF, as a GLB file does, nor with a JSON object"),
+        ("cut.gltf", '{"asset": {}', "its JSON text is damaged at character 12: Expecting ',' delimiter"),
+        ("byte.gltf", b'{"asset": \xff}', "its JSON text is damaged at byte 10, which is not UTF-8"),
         ("cloud.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no faces"),
         ("one.obj", "v 0 0 0\nf 1 1 1\n", "at least 3 distinct vertices, got 1"),
         ("nan.obj", obj_cube().replace("v 0 0 0", "v 0 nan 0"), "must hold finite coordinates, got nan at vertex 0"),
@@ -103,7 +107,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("facet.stl", "solid\nfacet normal 0 0 0\n", "it is cut off: it begins 1 faces, ends 0"),
     ],
 )
-def test_malformed_files_get_one_sentence(name: str, content: str, message: str, tmp_path: Path) -> None:
+def test_malformed_files_get_one_sentence(name: str, content: str | bytes, message: str, tmp_path: Path) -> None:
     found = reads(write(tmp_path / name, content))
     assert re.search(message, found), found
 

@@ -88,7 +88,7 @@ def read(data: bytes) -> Contents:
     Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
     chunks = _split_glb(data) if data.startswith(_MAGIC) else {_JSON_CHUNK: data.removeprefix(codecs.BOM_UTF8)}
-    header: object = json.loads(chunks.pop(_JSON_CHUNK).decode())
+    header = _parsed(chunks.pop(_JSON_CHUNK))
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
     _check_depth(header)
@@ -101,6 +101,20 @@ def read(data: bytes) -> Contents:
     _check_primitives(header)
     _check_nodes(header)
     return Contents(header, chunks, views, accessors)
+
+
+def _parsed(text: bytes) -> object:
+    """Return the value of a JSON text. Raises ValueError with the place at which it is damaged."""
+    try:
+        return json.loads(text.decode())
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        if not text.lstrip().startswith((b"{", b"[")):
+            raise ValueError("it begins neither with glTF, as a GLB file does, nor with a JSON object") from None
+        if isinstance(error, UnicodeDecodeError):
+            place = f"byte {error.start}, which is not UTF-8"
+        else:
+            place = f"character {error.pos}: {error.msg}"
+        raise ValueError(f"its JSON text is damaged at {place}") from None
 
 
 def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
