@@ -106,8 +106,8 @@ METRICS = ("area %", "angle °", "edge %", "volume %")
 ENCODER = "our encoder, at the same place of a picture, gives different features to left and right."
 HARDWARE = "two cores instead of an NVIDIA A40."
 CONSTRAINTS = (
-    "with one handle and three or four fixed points, this method changes the volume of the whole shape. The paper's "
-    "benchmark has other constraints."
+    "our edits have one handle and three or four fixed points, and the paper's benchmark has other constraints. No "
+    "other cause is known."
 )
 EQUATION = (
     "the weights of a vertex sum to more than 1, and Eq. 1 multiplies its position by the sum. So Eq. 1 as printed "

@@ -1,5 +1,7 @@
 """Find the part of a shape at a place, and divide shapes into parts."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
