@@ -11,7 +11,8 @@ MOST = 64  # largest number of components of a part
 # features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
 # six ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, of their strengths, and of the
 # three extents.
-APART, SIMILAR = 1.5, 1.6
+APART, SIMILAR = 2.5, 1.6
+RANDOM = 2**0.5  # regions never look alike if their features differ as much as those of two random points
 
 
 def alike(trees: Trees, node: int, region: Bool) -> list[Bool]:
@@ -46,15 +47,16 @@ def _resembling(trees: Trees, core: Bool, own: Float64, taken: Bool) -> list[Boo
     """
     mean, around = trees.mean(core), trees.around(core)
     contrast = float(np.linalg.norm(mean - trees.mean(around))) if around.any() else 0.0
-    looks = np.square(np.linalg.norm(trees.means - mean, axis=1) / max(APART * contrast, 1e-9))
-    near = (looks < 1) & (trees.areas >= trees.patches.area @ core / SIMILAR)
+    apart = np.linalg.norm(trees.means - mean, axis=1)
+    looks = np.square(apart / max(APART * contrast, 1e-9))
+    near = (looks < 1) & (apart < RANDOM) & (trees.areas >= trees.patches.area @ core / SIMILAR)
     near &= ~(trees.inside & (taken | around)).any(axis=1)  # what touches the part is beside it, and no counterpart
     found: list[tuple[float, int, Bool]] = []
     for node in np.flatnonzero(near).tolist():
         for component in trees.components(trees.inside[node]):
-            apart = float(looks[node]) + _apart(own, _measures(trees, component))
-            if apart < 1:
-                found.append((apart, node, component))
+            total = float(looks[node]) + _apart(own, _measures(trees, component))
+            if total < 1:
+                found.append((total, node, component))
     return [component for *_, component in sorted(found, key=lambda each: each[:2])]
 
 
