@@ -11,7 +11,7 @@ MOST = 64  # largest number of components of a part
 # features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
 # six ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, of their strengths, and of the
 # three extents.
-APART, SIMILAR = 2.5, 1.6
+APART, SIMILAR = 1.5, 2.0
 RANDOM = 2**0.5  # regions never look alike if their features differ as much as those of two random points
 
 
