@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64
-from dfd.segmentation.choose import CLEAR, closed, strength
+from dfd.segmentation.choose import CLEAR, closed
 from dfd.segmentation.trees import Trees
 
 MOST = 64  # largest number of components of a part
@@ -34,7 +34,7 @@ def alike(trees: Trees, node: int, region: Bool) -> list[Bool]:
     for component in trees.components(trees.inside[node] & ~core):
         if _apart(own, _measures(trees, component)) < 1:
             take(component)
-    if strength(trees, core) > CLEAR:  # regions without a clear border resemble each other everywhere
+    if trees.boundary(core) > CLEAR:  # regions without a clear border resemble each other everywhere
         for component in _resembling(trees, core, own, taken):
             take(component)
     return found
@@ -45,10 +45,8 @@ def _resembling(trees: Trees, core: Bool, own: Float64, taken: Bool) -> list[Boo
 
     `own` are the `_measures` of `core`.
     """
-    mean, around = trees.mean(core), trees.around(core)
-    contrast = float(np.linalg.norm(mean - trees.mean(around))) if around.any() else 0.0
-    apart = np.linalg.norm(trees.means - mean, axis=1)
-    looks = np.square(apart / max(APART * contrast, 1e-9))
+    around, apart = trees.around(core), np.linalg.norm(trees.means - trees.mean(core), axis=1)
+    looks = np.square(apart / max(APART * trees.contrast(core), 1e-9))
     near = (looks < 1) & (apart < RANDOM) & (trees.areas >= trees.patches.area @ core / SIMILAR)
     near &= ~(trees.inside & (taken | around)).any(axis=1)  # what touches the part is beside it, and no counterpart
     found: list[tuple[float, int, Bool]] = []
@@ -62,12 +60,11 @@ def _resembling(trees: Trees, core: Bool, own: Float64, taken: Bool) -> list[Boo
 
 def _measures(trees: Trees, region: Bool) -> Float64:
     """Return the logarithms (6,) of a region's area, its border's length and strength, and its principal extents."""
-    patches = trees.patches
-    length = patches.borders.length[np.not_equal(*region[patches.borders.pairs.T])].sum()
+    patches, length = trees.patches, trees.crossing(region)[1].sum()
     area, center = patches.area[region], patches.center[region]
     apart = center - area @ center / area.sum()
     extents = np.sqrt(np.linalg.eigvalsh((apart * area[:, None]).T @ apart / area.sum()).clip(0.0))
-    return np.log(np.array([area.sum(), length, strength(trees, region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
+    return np.log(np.array([area.sum(), length, trees.boundary(region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
 
 
 def _apart(one: Float64, other: Float64) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.patches import BRIDGE
-from dfd.segmentation.trees import SHORTEST, SMALLEST, Trees
+from dfd.segmentation.trees import SMALLEST, Trees
 
 LARGEST = 0.97  # largest area of a candidate, as a share of the surface
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
@@ -56,7 +56,7 @@ def candidates(trees: Trees, patch: int) -> Candidates:
     rows = np.array([cues(trees, node, region) for node, region in found.values()])
     nodes, regions = np.array([node for node, _ in found.values()]), np.array([each for _, each in found.values()])
     order = np.argsort(regions @ area, kind="stable")
-    clear = any(strength(trees, region) > CLEAR for region in regions)
+    clear = any(trees.boundary(region) > CLEAR for region in regions)
     return Candidates(regions[order], nodes[order], rows[order], trees.votes[nodes[order]], clear)
 
 
@@ -72,12 +72,11 @@ def cues(trees: Trees, node: int, region: Bool) -> list[float]:
     - step: mean distance of the features on both sides of the border.
     """
     patches = trees.patches
-    crossing, length = _crossing(trees, region)
-    around = trees.around(region)
+    crossing, length = trees.crossing(region)
     share = float(patches.area @ region)
     values = {
         "persistence": float(trees.persistence[node]),
-        "contrast": float(np.linalg.norm(trees.mean(region) - trees.mean(around))) if around.any() else 1.0,
+        "contrast": trees.contrast(region),
         "concavity": _mean(patches.borders.concavity[crossing].clip(0.0, 1.0), length, BRIDGE),
         "girth": float(length.sum() / np.sqrt(share)),
         "step": _mean(trees.steps[crossing], length, 1.0),
@@ -86,22 +85,9 @@ def cues(trees: Trees, node: int, region: Bool) -> list[float]:
     return [size, size * size, *(float(np.log(values[name] + FLOORS[name])) for name in CUES[2:])]
 
 
-def _crossing(trees: Trees, region: Bool) -> tuple[Int64, Float64]:
-    """Return the borders (C,) between `region` (P,) and its surroundings, and their lengths (C,)."""
-    borders = trees.patches.borders
-    crossing = np.flatnonzero(np.not_equal(*region[borders.pairs.T]))
-    return crossing, np.maximum(borders.length[crossing], SHORTEST)
-
-
 def _mean(values: Float64, length: Float64, alone: float) -> float:
     """Return the mean of `values` (C,), weighted by `length` (C,), or `alone` for a region without a border."""
     return float(values @ length / length.sum()) if len(length) else alone
-
-
-def strength(trees: Trees, region: Bool) -> float:
-    """Return the mean strength of the boundary around `region` (P,)."""
-    crossing, length = _crossing(trees, region)
-    return _mean(trees.strength[crossing], length, 1.0)
 
 
 def probabilities(found: Candidates) -> Float64:

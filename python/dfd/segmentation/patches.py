@@ -117,40 +117,51 @@ class Patches:
     """
 
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
-        self.nodes = nodes = nodes_of(mesh)
-        faces = _distinct_faces(mesh)
+        self.nodes, faces = nodes_of(mesh), _distinct_faces(mesh)
         total, self._middle = _area_and_middle(mesh, faces)
         if not total > 0:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
-        self.size = size = float(np.sqrt(total))
+        self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
+        graph, center, normal = self._find_places(mesh, faces)
+        self._find_patches(graph, center, normal, planes)
+
+    def _find_places(self, mesh: Mesh, faces: Int32) -> tuple[csr_array, Float64, Float64]:
+        """Set the attributes of places. Return their distances (M, M), centers (M, 3) and mean normals (M, 3)."""
+        nodes, size = self.nodes, self.size
         self.place, self.node_of_place = _places(mesh, nodes, (nodes.center - self._middle) / size)
         self._vertex = _central_vertices(mesh, nodes, size)[self.node_of_place]
         center = (nodes.center[self.node_of_place] - self._middle) / size
         area, normal, pairs, length = _surface(mesh, faces, self.place[nodes.of_vertex], len(center), size)
-        self.place_area, self.spacing = area, COUNT**-0.5
         graph = self._graph_of_places(center)
         links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.place_borders = Borders(pairs, length, center, _smoothed(normal, pairs))
-        tree = cKDTree(center)
+        self.place_area, self.place_borders = area, Borders(pairs, length, center, _smoothed(normal, pairs))
+        return graph, center, normal
+
+    def _find_patches(
+        self, graph: csr_array, center: Float64, normal: Float64, planes: Sequence[SymmetryPlane]
+    ) -> None:
+        """Set the attributes of patches, and the patch of each place, mesh node and vertex."""
+        tree, area, borders = cKDTree(center), self.place_area, self.place_borders
         mirrors = [self._mirror(plane) for plane in _commuting(planes)]
         mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
-        seeds, self.orbit = _orbits(places, tree, self.spacing, mirrors)
+        seeds, orbit = _orbits(places, tree, self.spacing, mirrors)
         of_seed = _symmetric(_nearest_seed(graph, seeds, center), tree, center[seeds], mirrors)
         used, self.of_place = np.unique(of_seed, return_inverse=True)
-        self.orbit = np.unique(self.orbit[used], return_inverse=True)[1]
-        count = len(used)
-        weight = np.maximum(area, 1e-9)
+        self.orbit = np.unique(orbit[used], return_inverse=True)[1]
+        count, weight = len(used), np.maximum(area, 1e-9)
         self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
-        self.center = group_sums(self.of_place, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
+        own = (self.area * weight.sum())[:, None]
+        self.center = group_sums(self.of_place, center * weight[:, None], count) / own
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
-        mean_normal = group_sums(self.of_place, normal, count) / (self.area * weight.sum())[:, None]
-        self.borders = Borders(*_contracted(self.of_place, pairs, length, count), self.center, mean_normal)
-        nearest = tree.query((nodes.center[self.place < 0] - self._middle) / size)[1]
+        mean_normal = group_sums(self.of_place, normal, count) / own
+        joined, length = _contracted(self.of_place, borders.pairs, borders.length, count)
+        self.borders = Borders(joined, length, self.center, mean_normal)
         self.of_node = self.of_place[self.place]
-        self.of_node[self.place < 0] = self.of_place[nearest]
-        self.of_vertex = self.of_node[nodes.of_vertex]
+        stray = self.place < 0
+        self.of_node[stray] = self.of_place[tree.query((self.nodes.center[stray] - self._middle) / self.size)[1]]
+        self.of_vertex = self.of_node[self.nodes.of_vertex]
 
     def means(self, features: Callable[[Int64], NDArray[np.floating]]) -> Float64:
         """Return the means (P, D) of the features that `features` returns for at most `SAMPLES` vertices per patch."""

@@ -14,7 +14,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float64, Int32, group_sums, principal_directions
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, group_sums, principal_directions
 from dfd.segmentation.patches import Patches
 
 DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
@@ -111,11 +111,26 @@ class Trees:
         area = self.patches.area[region]
         return np.asarray(area @ self.values[region] / area.sum(), np.float64)
 
+    def contrast(self, region: Bool) -> float:
+        """Return the distance of the mean `values` of a region (P,) from those of the patches around it, 1 if none."""
+        around = self.around(region)
+        return float(np.linalg.norm(self.mean(region) - self.mean(around))) if around.any() else 1.0
+
+    def boundary(self, region: Bool) -> float:
+        """Return the mean `strength` of the boundary around a region (P,), 1 if it has no surroundings."""
+        crossing, length = self.crossing(region)
+        return float(self.strength[crossing] @ length / length.sum()) if len(length) else 1.0
+
+    def crossing(self, region: Bool) -> tuple[Int64, Float64]:
+        """Return the borders (C,) between a region (P,) and its surroundings, and their lengths (C,)."""
+        one, other = self._ends
+        crossing = np.flatnonzero(region[one] != region[other])
+        return crossing, np.maximum(self.patches.borders.length[crossing], SHORTEST)
+
     def around(self, region: Bool) -> Bool:
         """Return the patches beside `region` (P,), (P,) bool."""
         beside = np.zeros(len(region), bool)
-        pairs = self.patches.borders.pairs
-        beside[pairs[np.not_equal(*region[pairs.T])]] = True
+        beside[self._ends[:, self.crossing(region)[0]]] = True
         return beside & ~region
 
     def labels(self, inside: Bool) -> Int32:

@@ -86,9 +86,9 @@ def test_the_tip_turns_by_the_angle(z, joint):
 @given(st.floats(-360, 360), st.sampled_from([None, 0.5]))
 def test_a_twist_and_its_reverse_return(twist, joint):
     there = moved(twist=twist, joint=joint)
-    np.testing.assert_allclose(moved(twist=-twist, joint=joint, points=there), STANDING.vertices, atol=2e-3)
+    np.testing.assert_allclose(moved(twist=-twist, joint=joint, points=there), STANDING.vertices, atol=4e-3)
     # A twist about a straight vertical axis keeps all heights.
-    np.testing.assert_allclose(there[:, 1], STANDING.vertices[:, 1], atol=2e-3)
+    np.testing.assert_allclose(there[:, 1], STANDING.vertices[:, 1], atol=4e-3)
 
 
 def test_about_a_joint_what_lies_before_it_stays_and_what_lies_beyond_is_rigid():
