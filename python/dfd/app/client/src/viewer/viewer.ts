@@ -79,6 +79,7 @@ export class Viewer {
     });
     store.on("posed", (posed) => {
       this.shape?.setPosed(posed);
+      this.mark();
       stage.invalidate();
     });
     store.watch(
