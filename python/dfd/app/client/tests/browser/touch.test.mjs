@@ -68,6 +68,7 @@ async function assertApart() {
 test("the menu has all actions, and the inspector is a sheet below the shape", { timeout: PATIENCE }, async () => {
   await assertApart();
   assert.equal(await page.locator(".toolbar").count(), 0);
+  await page.waitForTimeout(500); // a second tap within 300 ms would be a double tap
   await page.getByRole("button", { name: "Menu" }).tap();
   await page.getByRole("menuitem").first().waitFor();
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
