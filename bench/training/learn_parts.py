@@ -87,9 +87,8 @@ def learn(lessons: Sequence[Place]) -> Float64:
 
     def loss() -> Any:
         optimizer.zero_grad()
-        logs = torch.log_softmax((inputs @ weights + counted).masked_fill(~mask, -torch.inf), dim=1).masked_fill(
-            ~mask, 0.0
-        )
+        scores = (inputs @ weights + counted).masked_fill(~mask, -torch.inf)
+        logs = torch.log_softmax(scores, dim=1).masked_fill(~mask, 0.0)
         found = -(targets * logs).sum(dim=1).mean() + PENALTY * weights.square().sum()
         found.backward()
         return found

@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # `dfd.mesh.mesh` imports all mesh readers, which takes time
     from dfd.mesh.mesh import Mesh
 
 _CELLS = (1 << 21) // 3  # number of cells of a Z-order curve along each axis: the sum of three cells has 21 bits
+# Shifts of `_spread`, and the bits that remain after each.
 _SPREADING = (
     (32, 0x1F00000000FFFF),
     (16, 0x1F0000FF0000FF),

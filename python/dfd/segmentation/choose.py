@@ -16,7 +16,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.patches import BRIDGE
-from dfd.segmentation.trees import SMALLEST, Trees
+from dfd.segmentation.trees import SMALLEST, Trees, mean_along
 
 LARGEST = 0.97  # largest area of a candidate, as a share of the surface
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
@@ -77,17 +77,12 @@ def cues(trees: Trees, node: int, region: Bool) -> list[float]:
     values = {
         "persistence": float(trees.persistence[node]),
         "contrast": trees.contrast(region),
-        "concavity": _mean(patches.borders.concavity[crossing].clip(0.0, 1.0), length, BRIDGE),
+        "concavity": mean_along(patches.borders.concavity[crossing].clip(0.0, 1.0), length, BRIDGE),
         "girth": float(length.sum() / np.sqrt(share)),
-        "step": _mean(trees.steps[crossing], length, 1.0),
+        "step": mean_along(trees.steps[crossing], length, 1.0),
     }
     size = float(np.log(share))
     return [size, size * size, *(float(np.log(values[name] + FLOORS[name])) for name in CUES[2:])]
-
-
-def _mean(values: Float64, length: Float64, alone: float) -> float:
-    """Return the mean of `values` (C,), weighted by `length` (C,), or `alone` for a region without a border."""
-    return float(values @ length / length.sum()) if len(length) else alone
 
 
 def probabilities(found: Candidates) -> Float64:

@@ -3,7 +3,7 @@
 The strength of a boundary comes from its crease and from the distance of the features on both sides. The merged regions
 with the weakest boundary are next, as in hierarchies of images (Arbeláez et al., "Contour detection and hierarchical
 image segmentation", 2011). Patches that are mirror images of each other are one leaf of each tree, so each node is
-symmetric. Lengths have the unit of `Patches`. (T,) arrays have one entry for each tree node.
+symmetric. Lengths have the unit of `Patches`.
 """
 
 import heapq
@@ -68,7 +68,7 @@ class Trees:
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
         concavity = patches.borders.concavity.clip(0.0, 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * concavity - STEEP * self.steps))
-        found = [self._tree(features) for features in FEATURES]
+        found = [self._tree(weight) for weight in FEATURES]
         inside, persistence = (np.concatenate(each) for each in zip(*found, strict=True))
         bits = np.packbits(inside, axis=1)
         first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
@@ -119,7 +119,7 @@ class Trees:
     def boundary(self, region: Bool) -> float:
         """Return the mean `strength` of the boundary around a region (P,), 1 if it has no surroundings."""
         crossing, length = self.crossing(region)
-        return float(self.strength[crossing] @ length / length.sum()) if len(length) else 1.0
+        return mean_along(self.strength[crossing], length, 1.0)
 
     def crossing(self, region: Bool) -> tuple[Int64, Float64]:
         """Return the borders (C,) between a region (P,) and its surroundings, and their lengths (C,)."""
@@ -212,6 +212,11 @@ class Trees:
             one, other = divmod(pair, leaves)
             beside[one][other] = beside[other][one] = own, total
         return beside
+
+
+def mean_along(values: Float64, length: Float64, alone: float) -> float:
+    """Return the mean of `values` (C,), weighted by `length` (C,), or `alone` for a region without a border."""
+    return float(values @ length / length.sum()) if len(length) else alone
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:
