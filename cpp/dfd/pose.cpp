@@ -1,7 +1,6 @@
 #include "dfd/pose.hpp"
 
 #include "dfd/common/parallel.hpp"
-#include "dfd/common/polar.hpp"
 #include "dfd/common/require.hpp"
 #include "dfd/common/scratch.hpp"
 
@@ -16,12 +15,18 @@ namespace {
 constexpr std::size_t grain_weights = std::size_t{1} << 15;
 
 using Point = Vector3d;
+using Matrix3d = std::array<double, 9>;  // row-major
 
 double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 Point product(const Matrix3d& m, const Point& p)
 {
     return {dot({m[0], m[1], m[2]}, p), dot({m[3], m[4], m[5]}, p), dot({m[6], m[7], m[8]}, p)};
+}
+
+Point cross(const Point& a, const Point& b)
+{
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
 Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
@@ -35,14 +40,22 @@ struct Displacement {
     Polar polar;
 };
 
-Displacement displacement_of(const Affine& transform, const Point& place, Blend blend)
+Displacement displacement_of(const Affine& transform, const Point& place, const Polar& polar)
 {
-    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, {{1, 0, 0, 0}, {}}};
+    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, polar};
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             d.change[row * 3 + column] = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
-    if (blend != Blend::linear) d.polar = polar_decomposition(d.change);
     return d;
+}
+
+/// Returns R p - p for a `point` p and the matrix R of a unit quaternion. The result is exactly 0 if R is the identity.
+Point rotation_displacement(const std::array<double, 4>& rotation, const Point& point)
+{
+    const Point v{rotation[1], rotation[2], rotation[3]}, around = cross(v, point);
+    const double w = rotation[0];
+    const Point half = cross(v, {w * point[0] + around[0], w * point[1] + around[1], w * point[2] + around[2]});
+    return {2 * half[0], 2 * half[1], 2 * half[2]};
 }
 
 /// Returns R M R for the matrices M = `m` and R = `reflection`.
@@ -103,7 +116,7 @@ void append(std::vector<double>& table, const Displacement& d, const Point& cent
         }
         return;
     }
-    const Quaternion& q = d.polar.rotation;
+    const auto& q = d.polar.rotation;
     const Point arm = difference(center, d.place);
     const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
     table.push_back(q[0] - 1);
@@ -154,10 +167,11 @@ struct Tables {
     Tables(const Motion& motion, const Point& center)
     {
         std::vector<Displacement> given, mirrored;
-        const Displacement rest_displacement = displacement_of(motion.rest, center, motion.blend);
+        const auto polar = [&](std::size_t k) { return motion.polar.empty() ? Polar{} : motion.polar[k]; };
+        const Displacement rest_displacement = displacement_of(motion.rest, center, polar(motion.transforms.size()));
         for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
             const Point& place = motion.places.empty() ? center : motion.places[k];
-            given.push_back(displacement_of(motion.transforms[k], place, motion.blend));
+            given.push_back(displacement_of(motion.transforms[k], place, polar(k)));
             if (motion.mirror) mirrored.push_back(reflected(given.back(), *motion.mirror));
         }
         stretched = has_stretch(rest_displacement) || std::any_of(given.begin(), given.end(), has_stretch);
@@ -208,6 +222,8 @@ void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
             "pose: `symmetry` must have a side for every handle");
     require(motion.blend == Blend::linear || motion.places.size() == handle_count,
             "pose: `handles` must have the position of each handle");
+    require(motion.blend == Blend::linear || motion.polar.size() == handle_count + 1,
+            "pose: `polar` must have a row for each handle and for the default");
     require(motion.blend == Blend::linear || arrays.base.data == nullptr, "pose: only a linear blend takes a `base`");
     require(motion.mixing.empty() || motion.mixing.size() == handle_count * handle_count,
             "pose: `mixing` must be (H, H)");

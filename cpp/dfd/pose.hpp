@@ -13,9 +13,17 @@ namespace dfd {
 /// An affine transform (3, 4), row-major: three columns of the linear part, then the translation in mesh units.
 using Affine = std::array<double, 12>;
 
+using Vector3d = std::array<double, 3>;
+
+/// A linear map A = R S: a stretch S along perpendicular axes, followed by a rotation R.
+struct Polar {
+    std::array<double, 4> rotation;  // unit quaternion w, x, y, z
+    std::array<double, 6> stretch;   // S - I: xx, yy, zz, yz, zx, xy
+};
+
 /// The mirror plane {p : normal·p = offset} of Eq. (8), and the side of each handle.
 struct Mirror {
-    std::array<double, 3> normal;    // unit length
+    Vector3d normal;                 // unit length
     double offset;                   // mesh units
     double band;                     // half width of the band in which the two sides are blended, mesh units; may be 0
     std::span<const bool> positive;  // (H) whether each handle is on the side to which the normal points
@@ -28,8 +36,9 @@ struct Motion {
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const std::array<double, 3>> places = {};  // (H) positions of the handles, needed for dual quaternions
-    std::span<const double> mixing = {};  // (H, H) row-major; if given, `weights` · `mixing` replaces `weights`
+    std::span<const Vector3d> places = {};  // (H) positions of the handles, needed for dual quaternions
+    std::span<const Polar> polar = {};      // (H + 1) `transforms` and `rest`, needed for dual quaternions
+    std::span<const double> mixing = {};    // (H, H) row-major; if given, `weights` · `mixing` replaces `weights`
 };
 
 /// The arrays of one pose. Only `vertices`, `weights` and `posed` are required; the others may be empty.

@@ -20,6 +20,14 @@ dfd::Affine turn(double angle, double x, double y, double factor = 1)
     return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, factor, 0};
 }
 
+// Returns the decomposition of a transform that `turn` made.
+dfd::Polar polar_of(const dfd::Affine& turned)
+{
+    const double factor = std::hypot(turned[0], turned[4]), half = std::atan2(turned[4], turned[0]) / 2;
+    const double more = factor - 1;
+    return {{std::cos(half), 0, 0, std::sin(half)}, {more, more, more, 0, 0, 0}};
+}
+
 template <class T>
 struct Scene {
     std::size_t vertex_count, handles;
@@ -113,11 +121,12 @@ CASE("identity transforms change no bit of a vertex, for any sum of weights")
     const std::array<bool, 4> sides{true, false, true, false};
     const std::vector<dfd::Affine> transforms(4, identity);
     const std::vector<std::array<double, 3>> places(4, {0.1, 0.2, 0.3});
+    const std::vector<dfd::Polar> polar(5, {{1, 0, 0, 0}, {}});
     for (const std::string& name : dfd::instruction_sets()) {
         for (const dfd::Blend blend : blends) {
             for (const dfd::Overlap overlap : {dfd::Overlap::add, dfd::Overlap::normalize}) {
                 Scene<float> scene(333, 4);
-                dfd::Motion motion{transforms, identity, {}, overlap, blend, places, {}};
+                dfd::Motion motion{transforms, identity, {}, overlap, blend, places, polar, {}};
                 scene.pose(motion, dfd::kernels(name));
                 CHECK(scene.posed == scene.vertices);
                 motion.mirror = dfd::Mirror{{0.6, 0, 0.8}, 0.123, 0.4, sides};
@@ -131,16 +140,19 @@ END
 CASE("all instruction sets and numbers of threads give the same vertices")
     std::vector<dfd::Affine> transforms;
     std::vector<std::array<double, 3>> places;
+    std::vector<dfd::Polar> polar;
     for (std::size_t k = 0; k < 5; ++k) {
         transforms.push_back(turn(0.5 * double(k), 0.1 * double(k), 0.2, 1 + 0.1 * double(k)));
         places.push_back({0.1 * double(k), 0.2, 0.5});
+        polar.push_back(polar_of(transforms.back()));
     }
+    polar.push_back(polar_of(turn(0.2, 0, 0)));
     const std::array<bool, 5> sides{true, false, true, false, true};
     const std::vector<double> mixing{2, -1, 0, 0, 0, -1, 2, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
     for (const dfd::Blend blend : blends) {
         for (const dfd::Overlap overlap : overlaps) {
             const dfd::Mirror mirror{{1, 0, 0}, 0.1, 0.3, sides};
-            dfd::Motion motion{transforms, turn(0.2, 0, 0), mirror, overlap, blend, places, {}};
+            dfd::Motion motion{transforms, turn(0.2, 0, 0), mirror, overlap, blend, places, polar, {}};
             if (overlap == dfd::Overlap::add) motion.mixing = mixing;
             Scene<float> scene(3000, 5);
             scene.pose(motion, dfd::kernels("baseline"), 1);

@@ -21,6 +21,7 @@ from dfd.posing.arguments import (
     target,
 )
 from dfd.posing.overlap import interpolating
+from dfd.posing.polar import polar_decomposition
 
 if TYPE_CHECKING:
     import torch
@@ -183,7 +184,8 @@ def pose(
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
         turned = empty_like(points)
     posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
-    _core.pose(points, matrix, affine, *rule, None, directions, posed, turned, threads.get_num_threads())
+    motion = affine, _polar(affine, rule), *rule
+    _core.pose(points, matrix, *motion, None, directions, posed, turned, threads.get_num_threads())
     result = tensors.like(vertices, posed) if out is None else out
     return result if turned is None else (result, tensors.like(vertices, turned))
 
@@ -229,7 +231,7 @@ class Drag:
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = empty_like(self._points)
-        _core.pose(self._points, matrix, resting, *rule, None, None, self._base, None, threads.get_num_threads())
+        _core.pose(self._points, matrix, resting, None, *rule, None, None, self._base, None, threads.get_num_threads())
         self._weights = np.asfortranarray(_effective(rule, matrix, self._moving), np.float32)
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
         self._rule = rule._replace(rest=IDENTITY, positive=positive, places=None, mixing=None, overlap=0)
@@ -256,7 +258,7 @@ class Drag:
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
-        inputs = self._points, self._weights, affine, *self._rule, self._base
+        inputs = self._points, self._weights, affine, _polar(affine, self._rule), *self._rule, self._base
         _core.pose(*inputs, None, posed, None, threads.get_num_threads())
         return tensors.like(self._like, posed) if out is None else out
 
@@ -305,6 +307,13 @@ def _rule(
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     numbers = KERNEL_OVERLAPS[overlap], get_args(Blend).index(blend)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, *numbers)
+
+
+def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
+    """Return the polar decompositions (H + 1, 10) of `transforms` (H, 3, 4) and D₀; None if the blend is linear."""
+    if get_args(Blend)[rule.blend] == "linear":
+        return None
+    return polar_decomposition(np.concatenate([transforms, rule.rest[np.newaxis]])[:, :, :3])
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
