@@ -45,7 +45,7 @@ def _singular_values(maps: Float64) -> tuple[Float64, Float64, Float64]:
 
 def _vanish(sizes: Float64) -> Bool:
     """Return which of the singular values `sizes` (N, 3) count as 0."""
-    return np.asarray(sizes <= SINGULAR * sizes[:, :1])
+    return np.asarray(sizes <= SINGULAR * sizes[:, :1], bool)
 
 
 def _reflection(agreement: Float64, mirrored: Bool, sizes: Float64) -> Float64:
