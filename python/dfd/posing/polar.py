@@ -57,5 +57,5 @@ def _reflection(agreement: Float64, mirrored: Bool, sizes: Float64) -> Float64:
     candidates = 1 - 2 * np.vstack([np.eye(3), np.ones(3)])
     traces = agreement @ candidates.T
     singular = _vanish(sizes)
-    traces[singular.any(axis=1)[:, None] & ~np.pad(singular, ((0, 0), (0, 1)))] = -np.inf
+    traces[(singular.sum(axis=1, keepdims=True) > 0) & ~np.pad(singular, ((0, 0), (0, 1)))] = -np.inf
     return np.where(mirrored[:, None], candidates[traces.argmax(axis=1)], 1.0)
