@@ -4,7 +4,8 @@ A candidate is a connected region at the place: the component of a tree node, al
 connects to the rest of the shape (`closed`). Seven cues say how well its border separates it from its surroundings. A
 softmax of a linear function of these cues gives the probability that a person means the candidate; all trees count
 equally. The weights of the cues are learned (`bench.training.learn_parts`). The part is the candidate with the largest
-expected IoU (intersection over union of areas) with the part that the person means.
+expected IoU (intersection over union of areas) with the part that the person means. The things of the file (components,
+objects and materials) are candidates, too. The next smaller and the next larger one are the levels beside the part.
 """
 
 import json
@@ -33,6 +34,7 @@ class Candidates(NamedTuple):
     nodes: Int64  # (K,) the tree node from which each candidate comes
     cues: Float64  # (K, 7) the cues, in the order of `CUES`
     votes: Int64  # (K,) number of trees that have the node from which each candidate comes
+    own: Bool  # (K,) whether the candidate is a thing of the file
     clear: bool
 
     def overlaps(self, area: Float64) -> Float64:
@@ -44,20 +46,25 @@ class Candidates(NamedTuple):
 
 def candidates(trees: Trees, patch: int) -> Candidates:
     """Return the candidates at a patch. If no region has a suitable area, the only candidate is the whole shape."""
-    area, found = trees.patches.area, dict[bytes, tuple[int, Bool]]()
+    area, found, own = trees.patches.area, dict[bytes, tuple[int, Bool]](), set[bytes]()
     nodes = np.flatnonzero(trees.inside[:, patch])
     for node in nodes[np.argsort(trees.areas[nodes], kind="stable")].tolist():
         region = component_at(trees, trees.inside[node], patch)
+        if trees.own[node] and area @ region <= LARGEST:  # of several things, the largest has most counterparts
+            own.add(region.tobytes())
+            found[region.tobytes()] = node, region
         for each in (region, closed(trees, region)):
             if SMALLEST <= area @ each <= LARGEST:
                 found.setdefault(each.tobytes(), (node, each))
     if not found:
-        return Candidates(np.ones((1, len(area)), bool), nodes[:1], np.zeros((1, len(CUES))), np.ones(1, int), False)
+        one = np.ones(1, np.int64)
+        return Candidates(np.ones((1, len(area)), bool), nodes[:1], np.zeros((1, len(CUES))), one, one == 0, False)
     rows = np.array([cues(trees, node, region) for node, region in found.values()])
     nodes, regions = np.array([node for node, _ in found.values()]), np.array([each for _, each in found.values()])
     order = np.argsort(regions @ area, kind="stable")
     clear = any(trees.boundary(region) > CLEAR for region in regions)
-    return Candidates(regions[order], nodes[order], rows[order], trees.votes[nodes[order]], clear)
+    things = np.array([key in own for key in found])[order]
+    return Candidates(regions[order], nodes[order], rows[order], trees.votes[nodes[order]], things, clear)
 
 
 def cues(trees: Trees, node: int, region: Bool) -> list[float]:
@@ -101,12 +108,17 @@ def _weights() -> Float64:
 def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
     """Return the candidates at all levels, from small to large, and the position of level 0 among them.
 
-    Level 0 has the largest expected IoU with the part that the person means. Each next larger level adds most to the
-    expected IoU of the best level so far, among candidates that contain the last one; likewise each smaller level.
+    Level 0 has the largest expected IoU with the part that the person means, or is the thing of the file that is nearly
+    the same. Level 1 is the smallest thing that contains it, if there is one. Otherwise, each next larger level adds
+    most to the expected IoU of the best level so far, among candidates that contain the last one. Smaller levels are
+    alike.
     """
     likely, overlaps = probabilities(found), found.overlaps(area)
     share = found.regions @ area
     best = int((overlaps @ likely).argmax())
+    thing = int(np.where(found.own, overlaps[best], 0.0).argmax())
+    if found.own[thing] and overlaps[best, thing] > 1 / STEP:
+        best = thing
     levels = [best]
     for larger in (True, False):
         here = best
@@ -118,7 +130,11 @@ def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
             open_ = np.flatnonzero(nested & (ratio >= STEP))
             if len(open_) == 0:
                 break
-            here = int(open_[(np.maximum(overlaps[open_], covered) @ likely).argmax()])
+            things = open_[found.own[open_]] if here == best else open_[:0]
+            if len(things):
+                here = int(things[ratio[things].argmin()])
+            else:
+                here = int(open_[(np.maximum(overlaps[open_], covered) @ likely).argmax()])
             covered = np.maximum(covered, overlaps[here])
             levels = [*levels, here] if larger else [here, *levels]
     return levels, levels.index(best)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs, group_sums, unit
@@ -32,6 +32,7 @@ UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose
 MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
 SAME = 1e-5  # two places are exact mirror images up to this distance
 GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
+ACROSS = 1e3  # added to distances between two things of the file, so that a patch belongs to one thing; more than any path
 
 
 class Mirror(NamedTuple):
@@ -112,6 +113,8 @@ class Patches:
         (M,) areas of the places, as shares of the surface.
     orbit
         (P,) the orbit of each patch: the patches that reflections in the planes of symmetry map onto each other.
+    things
+        (K, P) the thing of the file to which each patch belongs, for each of K kinds (`_things`).
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -123,7 +126,7 @@ class Patches:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
         graph, center, normal = self._find_places(mesh, faces)
-        self._find_patches(graph, center, normal, planes)
+        self._find_patches(graph, center, normal, planes, _things(mesh, self.nodes, self.place, self.node_of_place))
 
     def _find_places(self, mesh: Mesh, faces: Int32) -> tuple[csr_array, Float64, Float64]:
         """Set the attributes of places. Return their distances (M, M), centers (M, 3) and mean normals (M, 3)."""
@@ -139,21 +142,25 @@ class Patches:
         return graph, center, normal
 
     def _find_patches(
-        self, graph: csr_array, center: Float64, normal: Float64, planes: Sequence[SymmetryPlane]
+        self, graph: csr_array, center: Float64, normal: Float64, planes: Sequence[SymmetryPlane], things: Int64
     ) -> None:
-        """Set the attributes of patches, and the patch of each place, mesh node and vertex."""
+        """Set the attributes of patches, and the patch of each place, mesh node and vertex.
+
+        `things` (M, K) are the things of the file to which each place belongs.
+        """
         tree, area, borders = cKDTree(center), self.place_area, self.place_borders
         mirrors = [self._mirror(plane) for plane in _commuting(planes)]
         mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
         seeds, orbit = _orbits(places, tree, self.spacing, mirrors)
-        of_seed = _symmetric(_nearest_seed(graph, seeds, center), tree, center[seeds], mirrors)
-        used, self.of_place = np.unique(of_seed, return_inverse=True)
-        self.orbit = np.unique(orbit[used], return_inverse=True)[1]
-        count, weight = len(used), np.maximum(area, 1e-9)
+        nearest = _nearest_seed(_divided(graph, things), seeds, center)
+        of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
+        self.of_place, of_piece, owned = _pieces(of_seed, things, area)
+        self.things, count, weight = owned.T, len(owned), np.maximum(area, 1e-9)
         self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
         own = (self.area * weight.sum())[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
+        self.orbit = _orbits_of_pieces(orbit, of_piece, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_place, normal, count) / own
         joined, length = _contracted(self.of_place, borders.pairs, borders.length, count)
@@ -211,6 +218,72 @@ def _central_vertices(mesh: Mesh, nodes: Nodes, size: float) -> Int64:
     least = np.repeat(np.minimum.reduceat(apart, nodes.starts), nodes.ends - nodes.starts)
     nearest = np.flatnonzero(apart == least)
     return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
+
+
+def _things(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int64) -> Int64:
+    """Return the things of the file to which each place belongs, (M, K), for those kinds that have several things.
+
+    The kinds are connected components, named objects (`Mesh.parts`) and materials. A place of several things belongs to
+    the last one in the file.
+    """
+    of_face = np.zeros((2, len(mesh.faces)), np.int64)
+    for number, part in enumerate(mesh.parts):
+        of_face[0, part.faces] = number
+    if mesh.appearance is not None:
+        of_face[1] = mesh.appearance.face_material
+    kinds = [nodes.component[node_of_place].astype(np.int64)]
+    for labels in of_face:
+        if labels.any():
+            kinds.append(np.zeros(len(node_of_place), np.int64))
+            np.maximum.at(kinds[-1], place[nodes.of_vertex[mesh.faces]], labels[:, None])
+    return np.stack([kind for kind in kinds if kind.min() < kind.max()] or [np.zeros(len(node_of_place), np.int64)], 1)
+
+
+def _divided(graph: csr_array, things: Int64) -> csr_array:
+    """Return the distances `graph` (M, M) with `ACROSS` added between places of different `things` (M, K)."""
+    row = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
+    apart = (things[row] != things[graph.indices]).any(axis=1)
+    return csr_array((graph.data + ACROSS * apart, graph.indices, graph.indptr), shape=graph.shape)
+
+
+def _pieces(of_seed: Int64, things: Int64, area: Float64) -> tuple[Int64, Int64, Int64]:
+    """Divide the places of each seed by `things` (M, K), so that a thing without a seed has a patch of its own.
+
+    Return the patch (M,) of each place, the seed (P,) of each patch, or −1 if it is not the largest patch of its seed,
+    and the things (P, K) of each patch. If there are more than `MOST` patches, the smallest join their seed's largest.
+    """
+    rows, of_place = np.unique(np.column_stack([of_seed, things]), axis=0, return_inverse=True)
+    size = np.bincount(of_place, area)
+    order = np.lexsort([-size, rows[:, 0]])
+    largest = order[np.unique(rows[order, 0], return_index=True)[1]]
+    others = np.setdiff1d(order, largest)
+    others = others[np.argsort(-size[others], kind="stable")][: max(MOST - len(largest), 0)]
+    kept = np.concatenate([largest, others])
+    number = np.arange(len(largest))[np.searchsorted(rows[largest, 0], rows[:, 0])]
+    number[others] = np.arange(len(largest), len(kept))
+    seed = np.concatenate([rows[largest, 0], np.full(len(others), -1)])
+    return number[of_place.ravel()], seed, rows[kept, 1:]
+
+
+def _orbits_of_pieces(
+    orbit: Int64, of_piece: Int64, center: Float64, spacing: float, mirrors: Sequence[Mirror]
+) -> Int64:
+    """Return the orbit (P,) of each patch. `orbit` (S,) are those of seeds. `of_piece` (P,) is the seed of each patch.
+
+    A patch without a seed has the orbit of the patches that are mirror images of it.
+    """
+    alone = np.flatnonzero(of_piece < 0)
+    found = np.append(orbit, 0)[of_piece]
+    if len(alone):
+        tree, pairs = cKDTree(center[alone]), [np.zeros((2, 0), np.int64)]
+        for mirror in mirrors:
+            apart, image = tree.query(mirror.image(center[alone]))
+            mutual = np.flatnonzero((apart < spacing / 4) & (image[image] == np.arange(len(alone))))
+            pairs.append(np.stack([mutual, image[mutual]]))
+        ends = np.concatenate(pairs, axis=1)
+        graph = csr_array((np.ones(ends.shape[1]), tuple(ends)), shape=(len(alone), len(alone)))
+        found[alone] = len(orbit) + connected_components(graph, directed=False)[1]
+    return np.unique(found, return_inverse=True)[1]
 
 
 def _area_and_middle(mesh: Mesh, faces: Int32) -> tuple[float, Float64]:

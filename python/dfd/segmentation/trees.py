@@ -37,7 +37,7 @@ class Trees:
 
     Nobody knows how much the mean features of two regions count beside the boundary between them. So there is a tree
     for each of several weights. (T,) arrays have one entry for each region that is a node of any tree, and not smaller
-    than `SMALLEST`.
+    than `SMALLEST`, and for each thing of the file (`Patches.things`) with its mirror images.
 
     Attributes
     ----------
@@ -51,11 +51,13 @@ class Trees:
         (E,) strength of the boundary at each border of the patches, in [0, 1].
     inside
         (T, P) whether a patch belongs to a region.
+    own
+        (T,) whether a region is a thing of the file.
     votes
-        (T,) number of trees in which the region is a node.
+        (T,) number of trees in which the region is a node. A thing of the file counts as much as all trees.
     persistence
         (T,) how much weaker the boundaries inside a region are than the boundary around it, in [0, 1]; the mean over
-        its trees.
+        its trees, 0 if there are none.
     """
 
     def __init__(self, patches: Patches, features: Float64) -> None:
@@ -69,12 +71,16 @@ class Trees:
         concavity = patches.borders.concavity.clip(0.0, 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * concavity - STEEP * self.steps))
         found = [self._tree(weight) for weight in FEATURES]
-        inside, persistence = (np.concatenate(each) for each in zip(*found, strict=True))
+        inside = np.concatenate([*(nodes for nodes, _ in found), _things(patches)])
+        persistence = np.concatenate([each for _, each in found])
         bits = np.packbits(inside, axis=1)
         first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
-        self.votes = np.bincount(which)
+        of_trees, count = which[: len(persistence)], len(first)
         self.inside = inside[first][:, patches.orbit]
-        self.persistence = np.bincount(which, persistence) / self.votes
+        self.own = np.isin(np.arange(count), which[len(persistence) :])
+        trees = np.bincount(of_trees, minlength=count)
+        self.votes = trees + len(FEATURES) * self.own
+        self.persistence = np.bincount(of_trees, persistence, count) / np.maximum(trees, 1)
 
     def _tree(self, features: float) -> tuple[Bool, Float64]:
         """Return the orbits (T, L) in each node of a tree, and its persistence, for a weight of the mean features."""
@@ -212,6 +218,17 @@ class Trees:
             one, other = divmod(pair, leaves)
             beside[one][other] = beside[other][one] = own, total
         return beside
+
+
+def _things(patches: Patches) -> Bool:
+    """Return the orbits (U, L) of the patches of each thing of the file, without the whole shape."""
+    found = [np.zeros((0, int(patches.orbit.max()) + 1), bool)]
+    for label in patches.things:
+        number = np.unique(label, return_inverse=True)[1]
+        inside = np.zeros((int(number.max()) + 1, found[0].shape[1]), bool)
+        inside[number, patches.orbit] = True
+        found.append(inside[~inside.all(axis=1)])
+    return np.concatenate(found)
 
 
 def mean_along(values: Float64, length: Float64, alone: float) -> float:

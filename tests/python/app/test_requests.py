@@ -128,66 +128,29 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
     page.ask("remove", handle=point)
 
 
-def test_what_a_file_makes_one_thing_is_taken_as_the_part(options: SessionOptions, tmp_path: Path) -> None:
-    scene, materials = trimesh.Scene(), [trimesh.visual.material.PBRMaterial(name=name) for name in ("wood", "steel")]
-    for number in range(3):
-        ball = trimesh.creation.icosphere(subdivisions=2)
-        ball.visual = trimesh.visual.TextureVisuals(
-            uv=np.zeros((len(ball.vertices), 2)), material=materials[number % 2]
-        )
-        scene.add_geometry(
-            ball, node_name=f"ball {number}", transform=trimesh.transformations.translation_matrix((3 * number, 0, 0))
-        )
-    scene.export(tmp_path / "balls.glb")
-    deformer = Deformer(dfd.load(tmp_path / "balls.glb"), Field.load(options.field.path), other_shape=True)
-    parts, count = ShapeParts(deformer), len(deformer.mesh.vertices) // 3
-    assert set(parts.ways) == {"smaller", "larger", "add", "remove", "scene_part", "material", "component"}
-    handle = deformer.handle(deformer.add(5))
-    sizes = {how: len(parts.taken(handle, how)["at"].indices) for how in ("scene_part", "material", "component")}
-    assert sizes == {"scene_part": count, "material": 2 * count, "component": count}
-
-
-def test_what_a_file_makes_one_thing_is_a_step_of_the_ladder(tmp_path: Path) -> None:
-    """The file has three scene parts: two spheres, a bar of the same material, and a cone."""
-    wood, steel = (trimesh.visual.material.PBRMaterial(name=name) for name in ("wood", "steel"))
+def test_steps_have_the_names_of_scene_parts(tmp_path: Path) -> None:
+    """The file has three scene parts: two spheres, a bar and a cone."""
     moved = trimesh.transformations.translation_matrix
     spheres = [trimesh.creation.icosphere(subdivisions=3, radius=0.8).apply_transform(moved((x, 0, 0))) for x in (0, 4)]
     bar = trimesh.creation.box((1, 3, 0.6), moved((2, 0, 0))).subdivide().subdivide().subdivide()
-    cone = trimesh.creation.cone(0.7, 2, sections=64, transform=moved((6, 0, 0))).subdivide().subdivide()
+    cone = trimesh.creation.cone(1.2, 5, sections=64, transform=moved((6.5, 0, 0))).subdivide().subdivide()
     scene = trimesh.Scene()
-    for name, material, mesh in (("spheres", wood, spheres), ("bar", wood, [bar]), ("cone", steel, [cone])):
-        geometry = trimesh.util.concatenate(mesh)
-        geometry.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(geometry.vertices), 2)), material=material)
-        scene.add_geometry(geometry, node_name=name)
+    for name, mesh in (("spheres", spheres), ("bar", [bar]), ("cone", [cone])):
+        scene.add_geometry(trimesh.util.concatenate(mesh), node_name=name)
     scene.export(tmp_path / "scene.glb")
     mesh = dfd.load(tmp_path / "scene.glb")
     deformer = Deformer(mesh, geometry_field(mesh))
     parts, named = ShapeParts(deformer), set[str]()
     for vertex in range(0, len(mesh.vertices), 150):
         steps = parts.ladder(vertex)
-        held = [_held(deformer, parts, vertex, step.level) for step in steps]
-        assert [step.level for step in steps] == sorted({step.level for step in steps})
-        assert len({tuple(each.tolist()) for each in held}) == len(steps), "each part is one step"
-        units = [(step, len(each)) for step, each in zip(steps, held, strict=True) if step.level % 1]
-        areas = [int(match[1]) for step, _ in units if (match := re.search(r"(\d+) % of", step.text))]
-        assert areas == sorted(areas), "the wheel takes larger and larger parts"
-        for step, count in units:
+        assert [step.level for step in steps] == list(range(steps[0].level, steps[0].level + len(steps)))
+        for step in steps:
             name = step.text.split(",")[0]
-            how = name if name in ("material", "component") else "scene_part"
-            handle = deformer.handle(deformer.add(vertex))
-            assert count == len(parts.taken(handle, how)["at"].indices)
-            assert parts.origin(handle) == vertex
-            deformer.remove(handle.id)
-            named.add(name)
-    assert {"material", "spheres"} <= named
-    with pytest.raises(ValueError, match=r"no step 0\.25"):
-        parts.place_at(0, 0.25)
-
-
-def _held(deformer: Deformer, parts: ShapeParts, vertex: int, level: float) -> NDArray[np.int64]:
-    """Return the vertices (N,) of a step of the ladder."""
-    at, whole = parts.place_at(vertex, level)
-    return deformer.part(at, level=whole).indices if isinstance(at, int) else at.indices
+            if name in mesh.part_names:
+                held = [deformer.bound.parts.part(vertex, step.level, alike=alike).vertices for alike in (True, False)]
+                assert mesh.part_vertices(name).tolist() in [each.tolist() for each in held]
+                named.add(name)
+    assert named == {"spheres", "bar", "cone"}
 
 
 def test_a_mirror_plane_that_is_found_is_on_until_it_is_switched_off(new_page: Page) -> None:

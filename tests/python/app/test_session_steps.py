@@ -137,9 +137,7 @@ def test_a_step_tells_that_a_component_stays_behind(ball_and_stick: Deformer) ->
     for vertex in range(0, len(vertices), 40):
         for step in parts.ladder(vertex):
             inside = np.zeros(len(vertices), bool)
-            at, level = parts.place_at(vertex, step.level)
-            held = ball_and_stick.part(at, level=level) if isinstance(at, int) else at
-            inside[held.indices] = True
+            inside[ball_and_stick.part(vertex, level=step.level).indices] = True
             gaps = [np.inf]
             for component in (left, ~left):
                 if not inside[component].any():

@@ -318,8 +318,8 @@ class SimilarMessage(Answer):
 class LadderStep(Model):
     """A part at a vertex, for `probe` and `add`."""
 
-    level: float  # a whole number, or a fraction for a scene part, a material or a connected component of the file
-    text: str  # its name or its number of components, and its size, in words
+    level: int
+    text: str  # its name in the file, its number of components, and its size, in words
     found: bool  # False if no part was found, so that a handle moves all surface within a feature distance
     leaves: bool  # whether a component of the surface touches the part, but is not in it
 
@@ -410,7 +410,7 @@ class HeatMessage(Answer):
 
     type: Literal["heat"] = "heat"
     vertex: int | None  # the vertex of the `probe`; null for `take_part`
-    level: float = 0  # the level of the `probe`
+    level: int = 0  # the level of the `probe`
     # Whether the values are those of a new handle. If not, they are an approximation, and exact ones follow if the
     # page sends no other request.
     exact: bool = False

@@ -1,6 +1,5 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
-import math
 from functools import cached_property
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.messages import LadderStep, PartChange
-from dfd.common.linear_algebra import Bool
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
@@ -16,8 +15,6 @@ from dfd.editing.regions import VertexSet, members
 from dfd.editing.verbs import next_level
 from dfd.geometry.coarse import nodes_of
 
-UNITS: tuple[PartChange, ...] = ("scene_part", "material", "component")
-KINDS = 4  # the fraction of a unit's level is (KINDS · rank + kind) / KINDS², where ranks and kinds are below KINDS
 SAME = 0.98  # two parts count as one if they share at least this fraction of the mesh nodes that either contains
 MOST_KEPT = 64  # largest number of parts in the cache
 
@@ -56,74 +53,48 @@ class ShapeParts:
         return self._found.get((vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask))
 
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
-        """Return the parts at a vertex from the smallest to the largest.
-
-        Scene parts, materials and connected components that are no level are steps between two levels. The fraction of
-        such a step's `level` contains its rank by size and its kind, see `place_at`.
-        """
+        """Return the parts at a vertex from the smallest to the largest, one for each level."""
         lowest, highest = self._deformer.bound.parts.levels(vertex)
-        nodes, steps, seen, shares = nodes_of(self._mesh), [], list[Bool](), list[float]()
-        for level in range(lowest, highest + 1):
-            inside, components = self._inside(vertex, level)
-            alike = f"{components} alike, " if components > 1 else ""
-            clear = self._deformer.bound.parts.components(vertex, level) is not None
-            shares.append(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
-            seen.append(inside)
-            steps.append(self._step(level, inside, alike, found=clear or bool(inside[nodes.used].all())))
-        units = []
-        for number, how in enumerate(UNITS, start=1):
-            if how in self.ways and (self._mesh.faces == vertex).any():
-                inside = np.zeros(len(nodes.component), bool)
-                inside[nodes.of_vertex[self._unit(vertex, how).indices]] = True
-                if all((inside & other).sum() < SAME * (inside | other).sum() for other in seen):
-                    name = self._name(vertex) if how == "scene_part" else how
-                    units.append((nodes.area @ inside / nodes.area.sum(), number, f"{name}, ", inside))
-                    seen.append(inside)
-        for rank, (share, number, words, inside) in enumerate(sorted(units, key=lambda unit: unit[:2]), start=1):
-            below = lowest - 1 + sum(each <= share for each in shares)
-            steps.append(self._step(below + (KINDS * rank + number) / KINDS**2, inside, words, found=True))
-        return tuple(sorted(steps, key=lambda step: step.level))
+        return tuple(self._step(vertex, level) for level in range(lowest, highest + 1))
 
-    def _inside(self, vertex: int, level: int) -> tuple[Bool, int]:
-        """Return the nodes (N,) of the part at a vertex, and its number of components."""
+    def _step(self, vertex: int, level: int) -> LadderStep:
         parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
         component = parts.components(vertex, level)
-        if component is not None:
-            return component >= 0, int(component.max()) + 1
-        part, inside = parts.part(vertex, level), np.zeros(len(nodes.component), bool)
-        inside[nodes.of_vertex[part.vertices]] = True
-        return inside, part.components
-
-    def _step(self, level: float, inside: Bool, words: str, *, found: bool) -> LadderStep:
-        """Return the step for a part with the nodes `inside` (N,)."""
-        nodes = nodes_of(self._mesh)
+        found = component is not None
+        if component is None:  # the part is the whole shape, or has no clear border
+            component = np.full(len(nodes.component), -1)
+            component[nodes.of_vertex[parts.part(vertex, level).vertices]] = 0
+        inside, count = component >= 0, int(component.max()) + 1
         share = float(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
         size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
+        alike = f"{count} alike, " if count > 1 else ""
+        whole = bool(inside[nodes.used].all())
+        text = "the whole shape" if whole else f"{self._name(vertex, component)}{alike}{size} % of the surface"
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
         leaves = not held[nodes.graph[inside].indices].all()
-        text = "the whole shape" if inside[nodes.used].all() else f"{words}{size} % of the surface"
-        return LadderStep(level=level, text=text, found=found, leaves=leaves)
+        return LadderStep(level=level, text=text, found=found or whole, leaves=leaves)
 
-    def _name(self, vertex: int) -> str:
-        """Return the name of the scene part at a vertex, as the file has it."""
-        face = int((self._mesh.faces == vertex).any(axis=1).argmax())
-        return self._mesh.parts[int(self._labels["scene_part"][face])].name or "scene part"
+    def _name(self, vertex: int, component: Int64) -> str:
+        """Return the name of the scene part at a vertex, and a comma, if it is a held part; "" otherwise.
 
-    def place_at(self, vertex: int, level: float) -> tuple[int | VertexSet, int]:
-        """Return the place and the level of a handle for the step `level` of the ladder at a vertex.
-
-        Raises ValueError if there is no such step.
+        `component` (N,) is the result of `Parts.components`.
         """
-        whole = math.floor(level)
-        if level == whole:
-            return vertex, whole
-        how = dict(enumerate(UNITS, start=1)).get(int((level - whole) * KINDS**2) % KINDS)
-        if how is None or how not in self.ways:
-            raise ValueError(f"There is no step {level:g} of parts")
-        found = self._unit(vertex, how)
-        self._origins[found] = vertex
-        return found, 0
+        name, own = self._scene_part(vertex)
+        same = any(
+            (own & held).sum() >= SAME * (own | held).sum() for held in (component == 0, component >= 0) if name
+        )
+        return f"{name}, " if same else ""
+
+    def _scene_part(self, vertex: int) -> tuple[str, Bool]:
+        """Return the name of the scene part at a vertex, empty if there is only one, and its mesh nodes (N,)."""
+        nodes, mesh = nodes_of(self._mesh), self._mesh
+        own, on = np.zeros(len(nodes.component), bool), np.flatnonzero((mesh.faces == vertex).any(axis=1))
+        if len(mesh.parts) == 1 or len(on) == 0:
+            return "", own
+        part = mesh.parts[int(self._labels["scene_part"][on[0]])]
+        own[nodes.of_vertex[part.vertices]] = True
+        return part.name, own
 
     def taken(self, handle: Handle, how: PartChange, vertex: int | None = None) -> dict[str, Any]:
         """Return the arguments of `Deformer.change` for the change `how` of a handle's part or region.

@@ -52,17 +52,14 @@ def answer(session: Session, message: Request) -> None:
 
 
 @request
-def probe(session: Session, vertex: Index, level: float = 0) -> ArrayAnswer:
+def probe(session: Session, vertex: Index, level: int = 0) -> ArrayAnswer:
     """Approximate the weights of a dragged new handle. Only the newest `probe` is answered. Answer: `heat`.
 
     `level` is that of a step of `ladder`.
     """
     editing = session.require()
     editing.pointed = vertex, level
-    at, whole = editing.parts.place_at(vertex, level)
-    if isinstance(at, int):
-        return _heat(probed(session.deformer, vertex, whole), vertex, level)
-    return _heat(editing.resting_weights(at, whole), vertex, level)
+    return _heat(probed(session.deformer, vertex, level), vertex, level)
 
 
 def probed(deformer: Deformer, vertex: int, level: int = 0) -> Float32:
@@ -78,7 +75,7 @@ def probed(deformer: Deformer, vertex: int, level: int = 0) -> Float32:
     return weights - bound.by_features.subtracted(deformer.fixed) if deformer.fixed else weights
 
 
-def _heat(weights: Float32, vertex: int | None = None, level: float = 0) -> ArrayAnswer:
+def _heat(weights: Float32, vertex: int | None = None, level: int = 0) -> ArrayAnswer:
     return messages.HeatMessage(vertex=vertex, level=level), {"values": quantized(weights)}
 
 
@@ -145,10 +142,10 @@ def axis(session: Session, handle: int) -> messages.Answer:
 
 
 @request
-def add(session: Session, at: Place, level: float = 0) -> None:
+def add(session: Session, at: Place, level: int = 0) -> None:
     """Add a handle. At a vertex, it holds the part of the step `level` of `ladder`."""
-    place, whole = session.require().parts.place_at(at, level) if isinstance(at, int) else (_decoded(session, at), 0)
-    session.change(lambda deformer: deformer.add(place, level=whole))
+    place = at if isinstance(at, int) else _decoded(session, at)
+    session.change(lambda deformer: deformer.add(place, level=level))
 
 
 @request

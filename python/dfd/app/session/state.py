@@ -39,13 +39,13 @@ class Editing:
         self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
-        self.pointed: tuple[int, float] | None = None  # the vertex and level of the latest probe, until `exact_probe`
+        self.pointed: tuple[int, int] | None = None  # the vertex and level of the latest probe, until `exact_probe`
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
         self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
         self._edit: Edit | None = None  # the edit for which the bands were compared last
 
-    def exact_probe(self) -> tuple[int, float, Float32] | None:
+    def exact_probe(self) -> tuple[int, int, Float32] | None:
         """Return the vertex and level of the latest probe, and the weights (V,) that a new handle there has at rest.
 
         The caller has no other request to answer, because the part of a handle takes longer than a probe. A click there
@@ -54,7 +54,7 @@ class Editing:
         pointed, self.pointed = self.pointed, None
         if pointed is not None:
             with suppress(ValueError):  # for example, the place has a handle already
-                return *pointed, self.resting_weights(*self.parts.place_at(*pointed))
+                return *pointed, self.resting_weights(*pointed)
         return None
 
     def resting_weights(self, at: Any, level: int) -> Float32:

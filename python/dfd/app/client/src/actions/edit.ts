@@ -51,21 +51,10 @@ export function showWeights(vertex: number): void {
     send({ type: "probe", vertex, level: state.level });
 }
 
-/**
- * Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. Levels that
- * are not `allowed` are left out.
- */
-function neighbor(
-  vertex: number,
-  level: number,
-  by: -1 | 1,
-  allowed: (level: number) => boolean = () => true,
-): number | null {
+/** Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. */
+function neighbor(vertex: number, level: number, by: -1 | 1): number | null {
   const ladder = store.get().ladders.get(vertex);
-  if (!ladder) return null;
-  const at = stepAt(ladder, level);
-  const further = by > 0 ? ladder.steps.slice(at + 1) : ladder.steps.slice(0, at).reverse();
-  return further.find((step) => allowed(step.level))?.level ?? null;
+  return ladder?.steps[stepAt(ladder, level) + by]?.level ?? null;
 }
 
 export function select(handle: number | null): void {
@@ -250,7 +239,7 @@ export function resizeDragged(by: -1 | 1): void {
   const known = selectedHandle(state);
   if (!known || !drag) return;
   const { reach, reach_by, level, origin, mask_part } = present(state, known);
-  const next = neighbor(origin, level, by, Number.isInteger);
+  const next = neighbor(origin, level, by);
   const byNumber = { reach: MathUtils.clamp(reach * WHEEL_FACTOR ** by, 0.02, 2) };
   const changed = reach_by === "number" ? byNumber : next === null ? null : { level: next };
   if (!changed) return;
