@@ -6,11 +6,9 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 
 from dfd.common.linear_algebra import Bool
 from dfd.segmentation.patches import Patches
+from dfd.segmentation.trees import CREASE
 
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
-CREASE = 0.1  # increase of concavity that divides the cost of a border by e
-MOVE_COST = 0.1  # cost of moving a patch to the other side, divided by the cost of a flat border one patch spacing long
-STEEPEST = 10.0  # largest value of (patch spacing / distance of two places), by which their concavity is multiplied
 COST_SCALE = 1e6  # integer cost of a flat border of length 1 (`Patches`)
 LARGEST_COST = 2**28  # largest integer cost, to prevent overflow of 32-bit sums
 
@@ -42,13 +40,9 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
     touched = free[one] | free[other]
-    crease = borders.concavity[touched].clip(0) * np.minimum(patches.spacing / borders.apart[touched], STEEPEST)
-    cost = COST_SCALE * borders.length[touched] * np.exp(-crease / CREASE) + 1
-    keep = COST_SCALE * MOVE_COST / patches.spacing * patches.place_area[free]
-    ends = np.concatenate(
-        [number[borders.pairs[touched]], np.stack([number[free], np.where(start[free], count, count + 1)], axis=1)]
-    )
-    ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(np.concatenate([cost, keep]), 2)
+    cost = COST_SCALE * borders.length[touched] * np.exp(-borders.concavity[touched].clip(0) / CREASE) + 1
+    ends = number[borders.pairs[touched]]
+    ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(cost, 2)
     graph = csr_array((capacity.clip(0, LARGEST_COST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
     left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
     left.data[left.data < 0] = 0

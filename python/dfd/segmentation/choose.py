@@ -23,7 +23,7 @@ LARGEST = 0.97  # largest area of a candidate, as a share of the surface
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
 # Added to a cue before its logarithm is taken, so that noise near 0 does not count.
 FLOORS = {"girth": 0.1, "persistence": 0.03, "contrast": 0.1, "concavity": 0.02, "step": 0.05}
-CLEAR = 0.15  # least mean strength (`Trees`) of a clear border; a border without any crease has at most 0.142
+CLEAR = 0.1  # least mean strength (`Trees`) of a clear border; a border without any crease has 0.057
 STEP = 1.25  # smallest ratio between the areas of parts at neighboring levels
 
 

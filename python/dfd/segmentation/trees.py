@@ -1,8 +1,8 @@
 """Merge patches into trees of regions: neighbors without a boundary between them first.
 
-The strength of a boundary comes from its crease and from the distance of the features on both sides. The merged regions
-with the weakest boundary are next, as in hierarchies of images (Arbeláez et al., "Contour detection and hierarchical
-image segmentation", 2011). Patches that are mirror images of each other are one leaf of each tree, so each node is
+The strength of a boundary comes from its crease, and the mean features of the regions on both sides count beside it. The
+regions with the weakest boundary are merged next, as in hierarchies of images (Arbeláez et al., "Contour detection and
+hierarchical image segmentation", 2011). Patches that are mirror images of each other are one leaf of each tree, so each node is
 symmetric. Lengths have the unit of `Patches`.
 """
 
@@ -22,13 +22,10 @@ DIFFUSION = 0.005  # area over which features are smoothed, as a share of the su
 CREASE = 0.1  # concavity (`Borders`) of a border, about 6°, that divides the rate of smoothing across the border by e
 STEP = 0.15  # feature distance of two patches that divides the rate of smoothing between them by e
 ROUNDS = 3  # rounds of smoothing; each computes the rates from the features that the previous round smoothed
-# The strength of a boundary is the logistic function of BIAS + CONCAVE × concavity + STEEP × feature distance.
-BIAS, CONCAVE, STEEP = -2.8, 6.0, 1.0
+BIAS, CONCAVE = -2.8, 6.0  # the strength of a boundary is the logistic function of BIAS + CONCAVE × concavity
 FEATURES = (0.3, 0.6, 1.2)  # weights of the distance of the regions' mean features, one for each tree
 SMALLEST = 0.001  # smallest area of a region, as a share of the surface
-LEAST_LIMIT = 0.02  # added to the divisor of persistence, so that noise near 0 does not count
 LEAST_PATCH = 1e-9  # smallest area of a patch in the smoothing, as a share of the surface
-LEAST_SPREAD = 0.05  # smallest divisor of the features: if all features of a shape are nearly equal, they are noise
 SHORTEST = 1e-9  # length of a boundary across a small gap
 
 
@@ -65,11 +62,10 @@ class Trees:
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
         smooth = smoothed(patches, features)
         spread = float(np.sqrt(patches.area @ np.square(smooth - patches.area @ smooth).sum(axis=1)))
-        self.values = smooth / max(spread, LEAST_SPREAD)
+        self.values = smooth / max(spread, 1e-9)
         one, other = patches.borders.pairs.T
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
-        concavity = patches.borders.concavity.clip(0.0, 1.0)
-        self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * concavity - STEEP * self.steps))
+        self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * patches.borders.concavity.clip(0.0, 1.0)))
         found = [self._tree(weight) for weight in FEATURES]
         inside = np.concatenate([*(nodes for nodes, _ in found), _things(patches)])
         persistence = np.concatenate([each for _, each in found])
@@ -100,7 +96,7 @@ class Trees:
         large = np.flatnonzero(along[start + size] - along[start] >= SMALLEST)
         place = start[:leaves] - start[large, None]
         inside = (place >= 0) & (place < size[large, None])
-        return inside, np.asarray(((limit - height) / (limit + LEAST_LIMIT))[large], np.float64)
+        return inside, np.asarray(((limit - height) / np.maximum(limit, 1e-9))[large], np.float64)
 
     @cached_property
     def areas(self) -> Float64:
