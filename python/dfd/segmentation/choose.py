@@ -22,7 +22,7 @@ from dfd.segmentation.trees import SMALLEST, Trees, mean_along
 LARGEST = 0.97  # largest area of a candidate, as a share of the surface
 CUES = ("area", "area²", "persistence", "contrast", "concavity", "girth", "step")
 # Added to a cue before its logarithm is taken, so that noise near 0 does not count.
-FLOORS = {"girth": 0.1, "persistence": 0.03, "contrast": 0.1, "concavity": 0.02, "step": 0.05}
+FLOORS = {"girth": 0.5, "persistence": 0.03, "contrast": 0.1, "concavity": 0.02, "step": 0.05}
 CLEAR = 0.1  # least mean strength (`Trees`) of a clear border; a border without any crease has 0.057
 STEP = 1.25  # smallest ratio between the areas of parts at neighboring levels
 
@@ -119,25 +119,27 @@ def ladder(found: Candidates, area: Float64) -> tuple[list[int], int]:
     thing = int(np.where(found.own, overlaps[best], 0.0).argmax())
     if found.own[thing] and overlaps[best, thing] > 1 / STEP:
         best = thing
-    levels = [best]
-    for larger in (True, False):
-        here = best
-        covered = overlaps[best]
-        while True:
-            inner, outer = (here, slice(None)) if larger else (slice(None), here)
-            nested = ~(found.regions[inner] & ~found.regions[outer]).any(axis=1)
-            ratio = share / share[here] if larger else share[here] / share
-            open_ = np.flatnonzero(nested & (ratio >= STEP))
-            if len(open_) == 0:
-                break
-            things = open_[found.own[open_]] if here == best else open_[:0]
-            if len(things):
-                here = int(things[ratio[things].argmin()])
-            else:
-                here = int(open_[(np.maximum(overlaps[open_], covered) @ likely).argmax()])
-            covered = np.maximum(covered, overlaps[here])
-            levels = [*levels, here] if larger else [here, *levels]
-    return levels, levels.index(best)
+    smaller, larger = (_further(found, likely, overlaps, share, best, larger=larger) for larger in (False, True))
+    return [*reversed(smaller), best, *larger], len(smaller)
+
+
+def _further(
+    found: Candidates, likely: Float64, overlaps: Float64, share: Float64, best: int, *, larger: bool
+) -> list[int]:
+    """Return the candidates at the levels beyond `best`, the candidate of level 0, in one direction."""
+    levels, covered = [best], overlaps[best]
+    while True:
+        here = levels[-1]
+        inner, outer = (here, slice(None)) if larger else (slice(None), here)
+        nested = ~(found.regions[inner] & ~found.regions[outer]).any(axis=1)
+        ratio = share / share[here] if larger else share[here] / share
+        further = np.flatnonzero(nested & (ratio >= STEP))
+        if len(further) == 0:
+            return levels[1:]
+        things = further[found.own[further]] if here == best else further[:0]
+        gain = np.maximum(overlaps[further], covered) @ likely
+        levels.append(int(things[ratio[things].argmin()] if len(things) else further[gain.argmax()]))
+        covered = np.maximum(covered, overlaps[levels[-1]])
 
 
 def component_at(trees: Trees, inside: Bool, patch: int) -> Bool:

@@ -27,12 +27,14 @@ NEAR = 0.75  # farthest-point sampling ends if all places are within NEAR patch 
 NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
-BRIDGE = 1.0  # concavity of borders across small gaps between components of the mesh, as if there were a clear crease
+BRIDGE = 0.3  # concavity of borders across small gaps between components of the mesh, that of a clear crease
 UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose reflections commute
 MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
 SAME = 1e-5  # two places are exact mirror images up to this distance
 GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
-ACROSS = 1e3  # added to distances between two things of the file, so that a patch belongs to one thing; more than any path
+ACROSS = (
+    1e3  # added to distances between two things of the file, so that a patch belongs to one thing; more than any path
+)
 
 
 class Mirror(NamedTuple):

@@ -1,9 +1,9 @@
 """Merge patches into trees of regions: neighbors without a boundary between them first.
 
-The strength of a boundary comes from its crease, and the mean features of the regions on both sides count beside it. The
-regions with the weakest boundary are merged next, as in hierarchies of images (Arbeláez et al., "Contour detection and
-hierarchical image segmentation", 2011). Patches that are mirror images of each other are one leaf of each tree, so each node is
-symmetric. Lengths have the unit of `Patches`.
+The strength of a boundary comes from its crease. The distance of the mean features of the regions on both sides counts
+beside it. The regions with the weakest boundary are merged next, as in hierarchies of images (Arbeláez et al., "Contour
+detection and hierarchical image segmentation", 2011). Patches that are mirror images of each other are one leaf of each
+tree, so each node is symmetric. Lengths have the unit of `Patches`.
 """
 
 import heapq
@@ -51,7 +51,7 @@ class Trees:
     own
         (T,) whether a region is a thing of the file.
     votes
-        (T,) number of trees in which the region is a node. A thing of the file counts as much as all trees.
+        (T,) number of trees in which the region is a node, at least 1 for a thing of the file.
     persistence
         (T,) how much weaker the boundaries inside a region are than the boundary around it, in [0, 1]; the mean over
         its trees, 0 if there are none.
@@ -67,15 +67,15 @@ class Trees:
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * patches.borders.concavity.clip(0.0, 1.0)))
         found = [self._tree(weight) for weight in FEATURES]
-        inside = np.concatenate([*(nodes for nodes, _ in found), _things(patches)])
+        inside = np.concatenate([*(nodes[:, patches.orbit] for nodes, _ in found), _things(patches)])
         persistence = np.concatenate([each for _, each in found])
         bits = np.packbits(inside, axis=1)
         first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
         of_trees, count = which[: len(persistence)], len(first)
-        self.inside = inside[first][:, patches.orbit]
+        self.inside = inside[first]
         self.own = np.isin(np.arange(count), which[len(persistence) :])
         trees = np.bincount(of_trees, minlength=count)
-        self.votes = trees + len(FEATURES) * self.own
+        self.votes = np.maximum(trees, self.own)
         self.persistence = np.bincount(of_trees, persistence, count) / np.maximum(trees, 1)
 
     def _tree(self, features: float) -> tuple[Bool, Float64]:
@@ -217,13 +217,20 @@ class Trees:
 
 
 def _things(patches: Patches) -> Bool:
-    """Return the orbits (U, L) of the patches of each thing of the file, without the whole shape."""
-    found = [np.zeros((0, int(patches.orbit.max()) + 1), bool)]
+    """Return the patches (U, P) of each thing of the file and of its mirror images, without the whole shape.
+
+    Two things are mirror images if most of the area of each is in the orbits of the other.
+    """
+    found = [np.zeros((0, len(patches.area)), bool)]
     for label in patches.things:
         number = np.unique(label, return_inverse=True)[1]
-        inside = np.zeros((int(number.max()) + 1, found[0].shape[1]), bool)
-        inside[number, patches.orbit] = True
-        found.append(inside[~inside.all(axis=1)])
+        count, size = int(number.max()) + 1, np.bincount(number, patches.area)
+        in_orbits = np.zeros((count, int(patches.orbit.max()) + 1), bool)
+        in_orbits[number, patches.orbit] = True
+        shared = np.stack([np.bincount(number, patches.area * row[patches.orbit], count) / size for row in in_orbits])
+        mirrored = (shared > 0.5) & (shared.T > 0.5)
+        rows = mirrored[:, number]
+        found.append(rows[~rows.all(axis=1)])
     return np.concatenate(found)
 
 

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import base64
 import json
-import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 import trimesh
 from app_page import Page
-from numpy.typing import NDArray
 
 import dfd
-from dfd.app.options import SessionOptions
 from dfd.app.session.parts import ShapeParts
 from dfd.editing.deformer import Deformer
 from dfd.editing.presets import PRESETS
-from dfd.field.field import Field
 from dfd.field.geometry_field import geometry_field
 from dfd.symmetry.search import symmetry_planes
 

@@ -282,7 +282,10 @@ def _knight(tmp_path) -> dfd.Mesh:
     scene = trimesh.Scene()
     scene.add_geometry(body, node_name="body", geom_name="body")
     scene.add_geometry(trimesh.util.concatenate(eyes), node_name="eyes", geom_name="eyes")
-    for name, mesh, material in (("plate", plate, steel), ("boss", boss.apply_transform(moved((0.5, -0.2, 1.13))), gold)):
+    for name, mesh, material in (
+        ("plate", plate, steel),
+        ("boss", boss.apply_transform(moved((0.5, -0.2, 1.13))), gold),
+    ):
         mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=material)
         scene.add_geometry(mesh, node_name=name, geom_name=name)
     scene.export(tmp_path / "knight.glb")

@@ -81,9 +81,7 @@ class ShapeParts:
         `component` (N,) is the result of `Parts.components`.
         """
         name, own = self._scene_part(vertex)
-        same = any(
-            (own & held).sum() >= SAME * (own | held).sum() for held in (component == 0, component >= 0) if name
-        )
+        same = any((own & held).sum() >= SAME * (own | held).sum() for held in (component == 0, component >= 0) if name)
         return f"{name}, " if same else ""
 
     def _scene_part(self, vertex: int) -> tuple[str, Bool]:
