@@ -20,7 +20,7 @@ def alike(trees: Trees, node: int, region: Bool) -> list[Bool]:
 
     `region` is a component of the tree node `node`, alone or closed. No two components overlap.
     """
-    core = region & trees.inside[node]
+    patches, core = trees.patches, region & trees.inside[node]
     whole = bool((region & ~core).any())
     found, taken = [region], region.copy()
 
@@ -30,9 +30,10 @@ def alike(trees: Trees, node: int, region: Bool) -> list[Bool]:
             found.append(grown)
             taken[:] |= grown
 
-    own = _measures(trees, core)
+    own, images = _measures(trees, core), np.isin(patches.orbit, patches.orbit[core])
     for component in trees.components(trees.inside[node] & ~core):
-        if _apart(own, _measures(trees, component)) < 1:
+        mirrored = patches.area @ (component & images) > patches.area @ component / 2
+        if mirrored or _apart(own, _measures(trees, component)) < 1:
             take(component)
     if trees.boundary(core) > CLEAR:  # regions without a clear border resemble each other everywhere
         for component in _resembling(trees, core, own, taken):
