@@ -1,9 +1,10 @@
 """`python -m tests.faults [--count N] [--seed N] [--jobs N] [PACKAGE …]`: measure how many faults the tests find.
 
 Each fault changes one line of a package in a copy of the tree: a constant is scaled, a comparison reversed, a term
-removed, or a statement deleted. Then the quick tests of that package run until the first one fails. Without packages,
-all of `PACKAGES` get faults. COUNT faults are drawn at random, and the faults in `NAMED` are added. The output is the
-share of faults that the tests find, and each fault. The exit code is 1 if the share is below 90 %.
+removed, or a statement deleted. Then those quick tests of that package that call the changed function run until the
+first one fails. Without packages, all of `PACKAGES` get faults. COUNT faults are drawn at random, and the faults in
+`NAMED` are added. The output is the share of faults that the tests find, and each fault. The exit code is 1 if the
+share is below 90 %.
 """
 
 from __future__ import annotations
@@ -12,17 +13,21 @@ import argparse
 import ast
 import importlib
 import importlib.util
+import json
 import os
 import random
 import shutil
 import sys
 import tempfile
+import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from pathlib import Path
+from types import FrameType
 
 import pytest
 
@@ -35,6 +40,7 @@ LEFT_OUT = ("node_modules", "__pycache__", "client", "corpus", ".hypothesis")
 FORK = get_context("fork")
 PRELOADED = ("numpy", "scipy.sparse.csgraph", "scipy.spatial", "torch", "pydantic", "trimesh")
 WANTED = 0.9  # smallest share of faults that the tests must find
+RECORD = "record.json"  # file in a copy of the tree in which tests write what they found
 SLOW = "slow or processes or browser"  # marks of tests that do not run
 
 REVERSED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==", "is": "is not", "is not": "is"}
@@ -156,7 +162,7 @@ def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
         match node:
             case ast.FunctionDef(name="__repr__" | "__str__") | ast.Expr(value=ast.Constant()):
                 continue
-            case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom() | ast.keyword(arg="axis"):
+            case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom() | ast.keyword(arg="axis" | "total"):
                 continue
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue
@@ -212,14 +218,21 @@ def copy_of_tree(folder: Path) -> Path:
 class Trial:
     """A run of the quick tests of a package, in a forked process and in the copy `tree`, with or without a fault."""
 
-    def __init__(self, tree: Path, package: str, fault: Fault | None, longest: float) -> None:
-        """Put the fault in, and start the tests. Tests that take longer than `longest` seconds count as failed."""
+    def __init__(
+        self, tree: Path, package: str, fault: Fault | None, longest: float, order: list[str] | None = None
+    ) -> None:
+        """Put the fault in, and start the tests in `order`. Without an order, start all tests, and record their calls.
+
+        Tests that take longer than `longest` seconds count as failed.
+        """
         self.tree, self.fault = tree, fault
+        (tree / RECORD).unlink(missing_ok=True)
         if fault is not None:
             self._file = tree / SOURCES / fault.path
             self._text = self._file.read_text()
             self._file.write_text(fault.put_in(self._text))
-        self.process = FORK.Process(target=_run_tests, args=(tree, package, "" if fault is None else fault.path.stem))
+        plugin = Watch(tree, package) if order is None else Order(tree, order)
+        self.process = FORK.Process(target=_run_tests, args=(tree, package, plugin))
         self.process.start()
         self._end = time.monotonic() + longest
 
@@ -231,17 +244,139 @@ class Trial:
             self.process.join()
         return not self.process.is_alive()
 
+    def failed_test(self) -> str:
+        """Return the name of the test that failed, or a reason if no test ran to its end."""
+        record = self.tree / RECORD
+        return str(json.loads(record.read_text())) if record.exists() else "an error, or the limit of time"
+
     def passed(self) -> bool:
         """Take the fault out, and return whether all tests passed."""
         if self.fault is not None:
             self._file.write_text(self._text)
             for compiled in (self._file.parent / "__pycache__").glob(f"{self._file.stem}.*"):
                 compiled.unlink()
-        return self.process.exitcode == 0
+        return self.process.exitcode in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
 
 
-def _run_tests(tree: Path, package: str, first: str) -> None:
-    """Run the quick tests of `package` until one fails; those in `test_FIRST.py` run first. Exit with pytest's code."""
+class Watch:
+    """A plugin of pytest that writes the time of each test, and the functions of `package` that it calls."""
+
+    def __init__(self, tree: Path, package: str) -> None:
+        self._tree, self._own = tree, str(tree / SOURCES / package)
+        self._called = set[tuple[str, int]]()
+        self._shared: dict[str, set[tuple[str, int]]] = {}  # calls by each fixture that several tests share
+        self._found: dict[str, tuple[float, list[tuple[str, int]]]] = {}
+
+    def _enter(self, frame: FrameType, _event: str, _argument: object) -> None:
+        if frame.f_code.co_filename.startswith(self._own):
+            self._called.add((frame.f_code.co_filename, frame.f_code.co_firstlineno))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
+        before, self._called = self._called, set()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                self._shared.setdefault(fixturedef.argname, set()).update(self._called)
+            self._called |= before
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Function) -> Iterator[None]:
+        self._called = set()
+        began = time.process_time()
+        threading.settrace(self._enter)
+        sys.settrace(self._enter)
+        try:
+            return (yield)
+        finally:
+            sys.settrace(None)
+            called = self._called.union(*(self._shared.get(name, ()) for name in item.fixturenames))
+            self._found[item.nodeid] = time.process_time() - began, sorted(called)
+
+    def pytest_sessionfinish(self) -> None:
+        (self._tree / RECORD).write_text(json.dumps(self._found))
+
+
+class Order:
+    """A plugin of pytest that runs only the tests in `order`, and writes which test fails."""
+
+    def __init__(self, tree: Path, order: list[str]) -> None:
+        self._tree, self._rank = tree, {name: rank for rank, name in enumerate(order)}
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted(
+            (item for item in items if item.nodeid in self._rank), key=lambda item: self._rank[item.nodeid]
+        )
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            (self._tree / RECORD).write_text(json.dumps(report.nodeid))
+
+
+@dataclass
+class Tests:
+    """What is known about the quick tests of a package."""
+
+    longest: float  # limit of time in seconds
+    times: dict[str, float]  # seconds that each test takes
+    called: dict[str, set[tuple[str, int]]]  # files and first lines of the functions that each test calls
+    finds: Counter[str] = field(default_factory=Counter)  # number of faults that each test found
+
+    def order(self, fault: Fault, texts: dict[str, str]) -> list[str]:
+        """Return the tests that call a function with the fault; those that found most per second first.
+
+        `texts` are the sources of the package without the fault. If no function has the fault, any of its file counts.
+        """
+        own = (SOURCES / fault.path).as_posix()
+        changed = functions_with(texts, own, fault.row + 1)
+        calls = [
+            test
+            for test, called in self.called.items()
+            if (changed & called if changed else any(file == own for file, _ in called))
+        ]
+        return sorted(calls, key=lambda test: self.times[test] / (1 + self.finds[test]))
+
+
+def functions_with(texts: dict[str, str], own: str, row: int) -> set[tuple[str, int]]:
+    """Return the files and first lines of the functions that a change in line `row` of the file `own` changes.
+
+    Of a constant, these are the functions in `texts` that use its name.
+    """
+    tree = ast.parse(texts[own])
+    around = {start for start, node in _functions(tree).items() if start <= row <= (node.end_lineno or 0)}
+    if around:
+        return {(own, max(around))}
+    names = {
+        name
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.lineno <= row <= (node.end_lineno or 0)
+        for target in node.targets
+        for name in _names(target)
+    }
+    return {
+        (file, start)
+        for file, text in texts.items()
+        for start, node in _functions(ast.parse(text)).items()
+        if names & _names(node)
+    }
+
+
+def _functions(tree: ast.AST) -> dict[int, ast.FunctionDef]:
+    """Return the functions of a syntax tree by their first lines."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {min([node.lineno, *(each.lineno for each in node.decorator_list)]): node for node in functions}
+
+
+def _names(node: ast.AST) -> set[str]:
+    """Return the names of variables and attributes in a syntax tree."""
+    found = [getattr(each, "id", getattr(each, "attr", "")) for each in ast.walk(node)]
+    return {name for name in found if name}
+
+
+def _run_tests(tree: Path, package: str, plugin: Watch | Order) -> None:
+    """Run quick tests of `package` with a `plugin` until one fails. Exit with pytest's code."""
     os.chdir(tree)
     own = ROOT, ROOT / "python"
     sys.path[:] = [str(tree / "python"), str(tree), *(path for path in sys.path if Path(path).resolve() not in own)]
@@ -249,34 +384,48 @@ def _run_tests(tree: Path, package: str, first: str) -> None:
         del sys.modules[name]
     for stream in (sys.stdout, sys.stderr):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    folder = Path("tests/python", package)
-    order = [*(str(path) for path in sorted(folder.rglob(f"test_{first}.py"))), str(folder)]
-    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", *order])))
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", str(Path("tests/python", package))]
+    os._exit(int(pytest.main(options, [plugin])))
 
 
-def trials(faults: list[Fault], trees: list[Path], longest: dict[str, float]) -> Iterator[tuple[Fault, bool]]:
-    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and whether a test fails."""
+def trials(
+    faults: list[Fault], trees: list[Path], tests: dict[str, Tests], texts: dict[str, str]
+) -> Iterator[tuple[Fault, str | None]]:
+    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and the test that fails or None.
+
+    `tests` are those of each package, and `texts` are the sources of each file.
+    """
     waiting, running = list(reversed(faults)), list[Trial]()
     while waiting or running:
         free = [tree for tree in trees if all(trial.tree is not tree for trial in running)]
         for tree in free[: len(waiting)]:
             fault = waiting.pop()
-            running.append(Trial(tree, fault.package, fault, longest[fault.package]))
+            known = tests[fault.package]
+            own = (SOURCES / fault.package).as_posix()
+            order = known.order(fault, {name: text for name, text in texts.items() if name.startswith(f"{own}/")})
+            running.append(Trial(tree, fault.package, fault, known.longest, order))
         wait([trial.process.sentinel for trial in running], timeout=1.0)
         for trial in [trial for trial in running if trial.is_over]:
             running.remove(trial)
             assert trial.fault is not None
-            yield trial.fault, not trial.passed()
+            found = None if trial.passed() else trial.failed_test()
+            tests[trial.fault.package].finds[found or ""] += 1
+            yield trial.fault, found
 
 
-def time_limit(tree: Path, package: str) -> float:
-    """Return the longest time in seconds that the tests of `package` may take; raise ValueError if they fail."""
+def tests_of(tree: Path, package: str) -> Tests:
+    """Run the quick tests of `package` without a fault, and return what they do; raise ValueError if one fails."""
     began = time.monotonic()
     trial = Trial(tree, package, None, float("inf"))
     trial.process.join()
     if not trial.passed():
         raise ValueError(f"the tests of {package} fail without any fault")
-    return 5 * (time.monotonic() - began) + 60
+    found = json.loads((tree / RECORD).read_text())
+    called = {
+        name: {(Path(file).relative_to(tree).as_posix(), line) for file, line in functions}
+        for name, (_, functions) in found.items()
+    }
+    return Tests(5 * (time.monotonic() - began) + 60, {name: seconds for name, (seconds, _) in found.items()}, called)
 
 
 def main() -> int:
@@ -297,12 +446,13 @@ def main() -> int:
     missed = 0
     with tempfile.TemporaryDirectory() as folder:
         trees = [copy_of_tree(Path(folder, str(number)).resolve()) for number in range(given.jobs)]
-        longest = {package: time_limit(trees[0], package) for package in sorted({fault.package for fault in faults})}
-        texts = {fault.path: (trees[0] / SOURCES / fault.path).read_text() for fault in faults}
-        for number, (fault, found) in enumerate(trials(faults, trees, longest), 1):
-            missed += not found
-            print(f"{number}/{len(faults)}", "found" if found else "NOT FOUND", end=": ")
-            print(fault.shown(texts[fault.path]), flush=True)
+        tests = {package: tests_of(trees[0], package) for package in sorted({fault.package for fault in faults})}
+        files = [path for package in tests for path in (trees[0] / SOURCES / package).rglob("*.py")]
+        texts = {path.relative_to(trees[0]).as_posix(): path.read_text() for path in files}
+        for number, (fault, found) in enumerate(trials(faults, trees, tests, texts), 1):
+            missed += found is None
+            print(f"{number}/{len(faults)}", "NOT FOUND" if found is None else f"found by {found}", end=": ")
+            print(fault.shown(texts[(SOURCES / fault.path).as_posix()]), flush=True)
     share = 1 - missed / len(faults)
     print(f"The tests find {len(faults) - missed} of {len(faults)} faults ({share:.0%}).")
     return int(share < WANTED)

@@ -290,12 +290,11 @@ def _packed(
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
-        padded[: stop - start] = projected if is_float16 else _rounded(projected, precision, step)
+        padded[: stop - start] = _rounded(projected, precision, step)
         rows = padded.reshape(-1, BLOCK, dimensions)
         into = blocks[start // BLOCK : start // BLOCK + len(rows)]
         if is_float16:
-            with np.errstate(over="ignore"):
-                into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
+            into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
         else:
             into[:, :-1] = (rows + 128).astype(np.uint8).reshape(-1, BLOCK, dimensions // 4, 4).transpose(0, 2, 1, 3)
             squares = np.square(rows).sum(axis=2, dtype=np.float64).astype(np.int32)
