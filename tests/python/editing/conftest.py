@@ -4,26 +4,17 @@ from unittest import mock
 
 import pytest
 from counting import Counting
+from prepared import sessions_on
 
 import dfd
 from dfd.editing import shape
 from dfd.editing.influence import feature_weights
-from dfd.symmetry.search import symmetry_planes
 
 
 @pytest.fixture(scope="session")
 def fresh(mesh, field, features):
     """Return a function that makes a session without handles. All sessions share the planes and parts of the chair."""
-    prepared = dfd.Deformer(mesh, field, features=features).bound
-    planes = symmetry_planes(field, mesh)
-    parts = prepared.prepare(planes)
-
-    def session(preset="default"):
-        made = dfd.Deformer(mesh, field, preset=preset, features=features)
-        made.bound.prepare(planes, parts)
-        return made
-
-    return session
+    return sessions_on(mesh, field, features)
 
 
 @pytest.fixture

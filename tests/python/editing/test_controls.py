@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from prepared import sessions_on
 
 import dfd
 from dfd.editing.controls import Controls, controls_of, length_on
@@ -24,14 +25,14 @@ def labeled(chair, mesh):
     return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
 
 
-@pytest.fixture
-def session(mesh, field, labeled):
-    return dfd.Deformer(mesh, field, features=labeled)
+@pytest.fixture(scope="module")
+def fresh(mesh, field, labeled):
+    return sessions_on(mesh, field, labeled)
 
 
 @pytest.fixture
-def paper(mesh, field, labeled):
-    return dfd.Deformer(mesh, field, preset="paper", features=labeled)
+def session(fresh):
+    return fresh()
 
 
 @pytest.fixture(scope="module")

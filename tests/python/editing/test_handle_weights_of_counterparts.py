@@ -125,6 +125,7 @@ def test_equalize_gives_all_counterparts_full_weight(session, sample, mesh, aske
     half = session.vertices[back] - mesh.vertices[back]
     assert 0.05 < -half[:, 1].mean() < 0.15
     session.preset = "default"
+    session.change(1, reach=1.0, falloff="linear", counterparts=counterparts)
     np.testing.assert_allclose(session.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
 
 
