@@ -257,8 +257,9 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
 def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
     """Return (bytes per vertex, precision, number of dimensions) of each format to try, the smallest first."""
     options: list[tuple[int, Precision, int]] = []
-    for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64)):
-        size = min(size, -(-dimension // 4) * 4)
+    most = -(-dimension // 4) * 4
+    for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, most, 64), most):
+        size = min(size, most)
         options += [(size + 4, "int8", size), (2 * size, "float16", min(size, dimension))]
     return sorted(set(options))
 
