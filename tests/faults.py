@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import builtins
 import importlib
 import importlib.util
 import json
@@ -19,7 +20,6 @@ import random
 import shutil
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -27,7 +27,6 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from pathlib import Path
-from types import FrameType
 
 import pytest
 
@@ -40,6 +39,7 @@ LEFT_OUT = ("node_modules", "__pycache__", "client", "corpus", ".hypothesis")
 FORK = get_context("fork")
 PRELOADED = ("numpy", "scipy.sparse.csgraph", "scipy.spatial", "torch", "pydantic", "trimesh")
 WANTED = 0.9  # smallest share of faults that the tests must find
+CALLED = "_called"  # name of a set in `builtins`: the functions that a test calls
 RECORD = "record.json"  # file in a copy of the tree in which tests write what they found
 SLOW = "slow or processes or browser"  # marks of tests that do not run
 
@@ -60,9 +60,7 @@ NAMED = [
 ]
 
 # Texts of lines whose faults change only the time, the memory or a message, so that no test can find them.
-HARMLESS: dict[str, tuple[str, ...]] = {
-    "weights/regions.py": ("MOST_CONSIDERED =",),
-}
+HARMLESS: dict[str, tuple[str, ...]] = {"weights/regions.py": ("MOST_CONSIDERED =",)}
 
 
 @dataclass(frozen=True)
@@ -240,7 +238,7 @@ class Trial:
             self._file = tree / SOURCES / fault.path
             self._text = self._file.read_text()
             self._file.write_text(fault.put_in(self._text))
-        plugin = Watch(tree, package) if order is None else Order(tree, order)
+        plugin = Watch(tree) if order is None else Order(tree, order)
         self.process = FORK.Process(target=_run_tests, args=(tree, package, plugin))
         self.process.start()
         self._end = time.monotonic() + longest
@@ -268,21 +266,18 @@ class Trial:
 
 
 class Watch:
-    """A plugin of pytest that writes the time of each test, and the functions of `package` that it calls."""
+    """A plugin of pytest that writes the time of each test, and the functions that it calls (`with_calls`)."""
 
-    def __init__(self, tree: Path, package: str) -> None:
-        self._tree, self._own = tree, str(tree / SOURCES / package)
-        self._called = set[tuple[str, int]]()
-        self._shared: dict[str, set[tuple[str, int]]] = {}  # calls by each fixture that several tests share
-        self._found: dict[str, tuple[float, list[tuple[str, int]]]] = {}
-
-    def _enter(self, frame: FrameType, _event: str, _argument: object) -> None:
-        if frame.f_code.co_filename.startswith(self._own):
-            self._called.add((frame.f_code.co_filename, frame.f_code.co_firstlineno))
+    def __init__(self, tree: Path) -> None:
+        self._tree, self._called = tree, set[str]()
+        self._shared: dict[str, set[str]] = {}  # calls by each fixture that several tests share
+        self._found: dict[str, tuple[float, list[str]]] = {}
+        setattr(builtins, CALLED, self._called)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
-        before, self._called = self._called, set()
+        before = set(self._called)
+        self._called.clear()
         try:
             return (yield)
         finally:
@@ -292,19 +287,28 @@ class Watch:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Function) -> Iterator[None]:
-        self._called = set()
+        self._called.clear()
         began = time.process_time()
-        threading.settrace(self._enter)
-        sys.settrace(self._enter)
         try:
             return (yield)
         finally:
-            sys.settrace(None)
             called = self._called.union(*(self._shared.get(name, ()) for name in item.fixturenames))
             self._found[item.nodeid] = time.process_time() - began, sorted(called)
 
     def pytest_sessionfinish(self) -> None:
         (self._tree / RECORD).write_text(json.dumps(self._found))
+
+
+def with_calls(text: str, name: str) -> str:
+    """Return the source `text` of the file `name`, in which each function adds its name to the set `CALLED`."""
+    lines = text.splitlines()
+    for start, node in sorted(_functions(ast.parse(text)).items(), reverse=True):
+        first = node.body[min(1, len(node.body) - 1)] if ast.get_docstring(node) else node.body[0]
+        if first.lineno > node.lineno and not ast.get_docstring(ast.Module([first], [])):
+            line = min([first.lineno, *(each.lineno for each in getattr(first, "decorator_list", []))])
+            added = f"getattr(__import__('builtins'), {CALLED!r}, set()).add('{name}:{start}')"
+            lines.insert(line - 1, " " * first.col_offset + added)
+    return "\n".join(lines) + "\n"
 
 
 class Order:
@@ -330,7 +334,7 @@ class Tests:
 
     longest: float  # limit of time in seconds
     times: dict[str, float]  # seconds that each test takes
-    called: dict[str, set[tuple[str, int]]]  # files and first lines of the functions that each test calls
+    called: dict[str, set[str]]  # the functions that each test calls: "file:first line"
     finds: Counter[str] = field(default_factory=Counter)  # number of faults that each test found
 
     def order(self, fault: Fault, texts: dict[str, str]) -> list[str]:
@@ -343,20 +347,20 @@ class Tests:
         calls = [
             test
             for test, called in self.called.items()
-            if (changed & called if changed else any(file == own for file, _ in called))
+            if (changed & called if changed else any(name.startswith(f"{own}:") for name in called))
         ]
         return sorted(calls, key=lambda test: self.times[test] / (1 + self.finds[test]))
 
 
-def functions_with(texts: dict[str, str], own: str, row: int) -> set[tuple[str, int]]:
-    """Return the files and first lines of the functions that a change in line `row` of the file `own` changes.
+def functions_with(texts: dict[str, str], own: str, row: int) -> set[str]:
+    """Return the functions that a change in line `row` of the file `own` changes, as in `Tests.called`.
 
     Of a constant, these are the functions in `texts` that use its name.
     """
     tree = ast.parse(texts[own])
     around = {start for start, node in _functions(tree).items() if start <= row <= (node.end_lineno or 0)}
     if around:
-        return {(own, max(around))}
+        return {f"{own}:{max(around)}"}
     names = {
         name
         for node in tree.body
@@ -365,7 +369,7 @@ def functions_with(texts: dict[str, str], own: str, row: int) -> set[tuple[str, 
         for name in _names(target)
     }
     return {
-        (file, start)
+        f"{file}:{start}"
         for file, text in texts.items()
         for start, node in _functions(ast.parse(text)).items()
         if names & _names(node)
@@ -424,17 +428,20 @@ def trials(
 
 def tests_of(tree: Path, package: str) -> Tests:
     """Run the quick tests of `package` without a fault, and return what they do; raise ValueError if one fails."""
+    texts = {path: path.read_text() for path in (tree / SOURCES / package).rglob("*.py")}
+    for path, text in texts.items():
+        path.write_text(with_calls(text, path.relative_to(tree).as_posix()))
     began = time.monotonic()
     trial = Trial(tree, package, None, float("inf"))
     trial.process.join()
     if not trial.passed():
         raise ValueError(f"the tests of {package} fail without any fault")
     found = json.loads((tree / RECORD).read_text())
-    called = {
-        name: {(Path(file).relative_to(tree).as_posix(), line) for file, line in functions}
-        for name, (_, functions) in found.items()
-    }
-    return Tests(5 * (time.monotonic() - began) + 60, {name: seconds for name, (seconds, _) in found.items()}, called)
+    for path, text in texts.items():
+        path.write_text(text)
+    shutil.rmtree(tree / SOURCES / package / "__pycache__", ignore_errors=True)
+    times = {name: seconds for name, (seconds, _) in found.items()}
+    return Tests(5 * (time.monotonic() - began) + 60, times, {name: set(called) for name, (_, called) in found.items()})
 
 
 def main() -> int:
