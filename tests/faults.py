@@ -304,8 +304,9 @@ def with_calls(text: str, name: str) -> str:
     lines = text.splitlines()
     for start, node in sorted(_functions(ast.parse(text)).items(), reverse=True):
         first = node.body[min(1, len(node.body) - 1)] if ast.get_docstring(node) else node.body[0]
-        if first.lineno > node.lineno and not ast.get_docstring(ast.Module([first], [])):
-            line = min([first.lineno, *(each.lineno for each in getattr(first, "decorator_list", []))])
+        line = min([first.lineno, *(each.lineno for each in getattr(first, "decorator_list", []))])
+        own_line = not lines[line - 1][: first.col_offset].strip()
+        if own_line and not ast.get_docstring(ast.Module([first], [])):
             added = f"getattr(__import__('builtins'), {CALLED!r}, set()).add('{name}:{start}')"
             lines.insert(line - 1, " " * first.col_offset + added)
     return "\n".join(lines) + "\n"

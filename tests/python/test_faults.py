@@ -120,7 +120,11 @@ def outer():
         return short()
     return inner()
 
-def other():
+def other(
+    value=1,
+): ...
+
+def last():
     'Nothing but a docstring.'
 """
 
