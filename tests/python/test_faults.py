@@ -95,10 +95,7 @@ def test_a_fault_is_given_to_the_functions_that_it_changes():
     texts = {"own.py": TEXT, "other.py": "def scaled():\n    return own.LIMIT\n"}
     rows = {line.strip(): row for row, line in enumerate(TEXT.splitlines(), 1)}
     assert faults.functions_with(texts, "own.py", rows["values[0] = -scale"]) == {"own.py:9"}
-    assert faults.functions_with(texts, "own.py", rows["LIMIT = 0.25  # a constant"]) == {
-        ("own.py", 9),
-        ("other.py", 1),
-    }
+    assert faults.functions_with(texts, "own.py", rows["LIMIT = 0.25  # a constant"]) == {"own.py:9", "other.py:1"}
     assert faults.functions_with(texts, "own.py", rows["COUNT = 3"]) == set()
 
 
