@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.editing.report import largest_stretch
 
 
 def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(paper, mesh):
@@ -102,6 +103,31 @@ def test_a_negative_scale_is_told_to_mirror(deformer):
     )
     deformer.move(1, scale=(-1, -1, 1))  # two negative factors are a rotation by 180°
     assert deformer.report().advice is None
+
+
+def test_the_largest_stretch_is_that_of_moved_edges_that_are_not_tiny():
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (5, 0, 0), (6, 0, 0), (5, 1, 0), (0, 1, 1e-7)])
+    faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (0, 3, 7)], np.int32)
+    assert largest_stretch(corners, corners, faces) == 1
+    posed = corners.copy()
+    posed[2, 1], posed[7, 2] = 3, 0.5
+    assert largest_stretch(corners, posed, faces) == pytest.approx(3)
+
+
+def test_the_level_with_an_axis_is_the_nearest_of_all(quadruped_sample):
+    mesh, labels = quadruped_sample.mesh, quadruped_sample.labels
+    given = dfd.Deformer(mesh, dfd.VertexField(mesh, np.eye(len(quadruped_sample.parts), dtype=np.float32)[labels]))
+    for vertex in (1078, 1848):  # on the neck, which has an axis at the highest level, and on a leg
+        lowest, highest = given.bound.parts.levels(vertex)
+        handle = given.add(vertex, level=lowest)
+        found = given.bound.level_with_axis(given.edit, given.handle(handle))
+        slender = []
+        for level in range(lowest, highest + 1):
+            given.change(handle, level=level)
+            parts = given.bound.bendable_parts(given.edit, given.handle(handle))
+            slender += [level] if parts and parts[0].slender else []
+        assert found == min(slender, default=None)
+        given.remove(handle)
 
 
 def test_who_bends_a_part_without_an_axis_is_told_a_level_that_has_one(quadruped_sample):
