@@ -112,6 +112,7 @@ def test_the_largest_stretch_is_that_of_moved_edges_that_are_not_tiny():
     posed = corners.copy()
     posed[2, 1], posed[7, 2] = 3, 0.5
     assert largest_stretch(corners, posed, faces) == pytest.approx(3)
+    assert largest_stretch(corners, 4 * corners + 0.5, faces) == pytest.approx(4)
 
 
 def test_the_level_with_an_axis_is_the_nearest_of_all(quadruped_sample):
