@@ -59,7 +59,7 @@ NAMED = [
     ("upright/find_up.py", "of_axes[parallel[first]].sum()", "of_axes[first]"),
 ]
 
-# Texts of lines whose faults change only the time, the memory or a message, so that no test can find them.
+# Texts of lines whose faults change only the time, the memory, a message or chance, so that no test can find them.
 HARMLESS: dict[str, tuple[str, ...]] = {"weights/regions.py": ("MOST_CONSIDERED =",)}
 
 
@@ -160,7 +160,8 @@ def _in_brackets(node: ast.expr) -> str:
 def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
     """Yield the nodes of a syntax tree that decide results: no annotations, messages, docstrings, imports, indices.
 
-    Whether dataclasses are frozen and keys are required is for the type checker, and `strict` is an assertion.
+    The type checker finds changes of `eq`, `frozen` and `total`. `strict` is an assertion. If `finite` is false, a
+    kernel makes the check instead.
     """
     for node in ast.iter_child_nodes(tree):
         inner: list[ast.AST] = [node]
@@ -169,7 +170,7 @@ def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
                 continue
             case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
                 continue
-            case ast.keyword(arg="axis" | "frozen" | "strict" | "total"):
+            case ast.keyword(arg="axis" | "eq" | "finite" | "frozen" | "strict" | "total"):
                 continue
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue

@@ -82,8 +82,6 @@ class ComponentResiduals(ReadOnlyArrays):
         """Return the index (Q,) of the component whose box matches each of `boxes` (Q, 6), or −1 if no box matches."""
         from scipy.spatial import cKDTree
 
-        if len(boxes) == 0 or len(self.boxes) == 0:
-            return np.full(len(boxes), -1)
         distance, found = cKDTree(self.boxes).query(boxes, p=np.inf)
         return np.where(distance <= SAME, found, -1)
 

@@ -53,6 +53,12 @@ def test_overlapping_components_have_different_features() -> None:
     assert (features * wanted).sum(axis=1).min() > 0.95
     assert (network * wanted).sum(axis=1).max() < 0.9  # the network alone does not separate the tubes
     assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()
+    np.testing.assert_allclose(field.on(mesh).at(mesh.vertices + 1e-5), features, atol=1e-3)
+    np.testing.assert_array_equal(field.with_residuals(None).on(mesh).at(mesh.vertices), network)
+    placed = dfd.Field(field.parameters, octaves=2, center=(3, 1, 0), scale=0.5, residuals=field.residuals)
+    larger = dfd.Mesh(2 * mesh.vertices + [3, 1, 0], mesh.faces)
+    np.testing.assert_allclose(placed.features(larger), features, atol=1e-4)
+    np.testing.assert_allclose(placed.on(larger).at(larger.vertices), features, atol=1e-4)
 
 
 def test_a_handle_moves_only_its_own_component() -> None:
@@ -73,6 +79,12 @@ def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes() -> None:
     assert (field.features(finer) * np.eye(WIDTH)[component]).sum(axis=1).min() > 0.9
     np.testing.assert_array_equal(field.residuals.known(field.residuals.boxes + 0.015), [0, 1])
     np.testing.assert_array_equal(field.residuals.known(field.residuals.boxes + 0.025), [-1, -1])
+    for count in (0, 1):
+        few = ComponentResiduals(
+            field.residuals.boxes[:count], np.zeros((count, 3)), range(count), np.zeros((count, 1))
+        )
+        np.testing.assert_array_equal(few.known(field.residuals.boxes), [[-1, -1], [0, -1]][count])
+        np.testing.assert_array_equal(few.known(np.zeros((0, 6))), np.zeros(0, int))
     moved = dfd.Mesh(finer.vertices + [0.5, 0, 0], finer.faces)
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
