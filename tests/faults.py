@@ -1,25 +1,29 @@
 """`python -m tests.faults [--count N] [--seed N] [--jobs N] [PACKAGE …]`: measure how many faults the tests find.
 
 Each fault changes one line of a package in a copy of the tree: a constant is scaled, a comparison reversed, a term
-removed, or a statement deleted. Then the quick tests of that package run until the first one fails. Without packages,
-all of `PACKAGES` get faults. COUNT faults are drawn at random, and the faults in `NAMED` are added. The output is the
-share of faults that the tests find, and each fault. The exit code is 1 if the share is below 90 %.
+removed, or a statement deleted. Then those quick tests of that package that call the changed function run until the
+first one fails. Without packages, all of `PACKAGES` get faults. COUNT faults are drawn at random, and the faults in
+`NAMED` are added. The output is the share of faults that the tests find, and each fault. The exit code is 1 if the
+share is below 90 %.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import builtins
 import importlib
 import importlib.util
+import json
 import os
 import random
 import shutil
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -35,7 +39,11 @@ LEFT_OUT = ("node_modules", "__pycache__", "client", "corpus", ".hypothesis")
 FORK = get_context("fork")
 PRELOADED = ("numpy", "scipy.sparse.csgraph", "scipy.spatial", "torch", "pydantic", "trimesh")
 WANTED = 0.9  # smallest share of faults that the tests must find
+CALLED = "_called"  # name of a set in `builtins`: the functions that a test calls
+RECORD = "record.json"  # file in a copy of the tree in which tests write what they found
 SLOW = "slow or processes or browser"  # marks of tests that do not run
+
+TINY = 1e-5  # constants up to this prevent divisions by 0 and the like: twice the value is no fault, but 0 is
 
 REVERSED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==", "is": "is not", "is not": "is"}
 SIGNS: dict[type[ast.cmpop], str] = {
@@ -51,8 +59,8 @@ NAMED = [
     ("upright/find_up.py", "of_axes[parallel[first]].sum()", "of_axes[first]"),
 ]
 
-# Texts of lines whose faults change only the time, the memory or a message, so that no test can find them.
-HARMLESS: dict[str, tuple[str, ...]] = {}
+# Texts of lines whose faults change only the time, the memory, a message or chance, so that no test can find them.
+HARMLESS: dict[str, tuple[str, ...]] = {"weights/regions.py": ("MOST_CONSIDERED =",)}
 
 
 @dataclass(frozen=True)
@@ -108,7 +116,7 @@ def _replacements(tree: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
             case ast.Constant(value=bool()):
                 yield node, str(not node.value)
             case ast.Constant(value=float() as value):
-                yield node, repr(2.0 * value or 1.0)
+                yield node, repr(2.0 * value or 1.0) if not 0.0 < value <= TINY else "0.0"
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Constant(value=int() as value)) if name.isupper():
                 yield node.value, str(2 * value)
             case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in SIGNS:
@@ -150,13 +158,19 @@ def _in_brackets(node: ast.expr) -> str:
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
-    """Yield the nodes of a syntax tree that decide results: no annotations, messages, docstrings, imports, indices."""
+    """Yield the nodes of a syntax tree that decide results: no annotations, messages, docstrings, imports, indices.
+
+    The type checker finds changes of `eq`, `frozen` and `total`. `strict` is an assertion. If `finite` is false, a
+    kernel makes the check instead.
+    """
     for node in ast.iter_child_nodes(tree):
         inner: list[ast.AST] = [node]
         match node:
             case ast.FunctionDef(name="__repr__" | "__str__") | ast.Expr(value=ast.Constant()):
                 continue
-            case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom() | ast.keyword(arg="axis"):
+            case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+                continue
+            case ast.keyword(arg="axis" | "eq" | "finite" | "frozen" | "strict" | "total"):
                 continue
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue
@@ -212,14 +226,21 @@ def copy_of_tree(folder: Path) -> Path:
 class Trial:
     """A run of the quick tests of a package, in a forked process and in the copy `tree`, with or without a fault."""
 
-    def __init__(self, tree: Path, package: str, fault: Fault | None, longest: float) -> None:
-        """Put the fault in, and start the tests. Tests that take longer than `longest` seconds count as failed."""
+    def __init__(
+        self, tree: Path, package: str, fault: Fault | None, longest: float, order: list[str] | None = None
+    ) -> None:
+        """Put the fault in, and start the tests in `order`. Without an order, start all tests, and record their calls.
+
+        Tests that take longer than `longest` seconds count as failed.
+        """
         self.tree, self.fault = tree, fault
+        (tree / RECORD).unlink(missing_ok=True)
         if fault is not None:
             self._file = tree / SOURCES / fault.path
             self._text = self._file.read_text()
             self._file.write_text(fault.put_in(self._text))
-        self.process = FORK.Process(target=_run_tests, args=(tree, package, "" if fault is None else fault.path.stem))
+        plugin = Watch(tree) if order is None else Order(tree, order)
+        self.process = FORK.Process(target=_run_tests, args=(tree, package, plugin))
         self.process.start()
         self._end = time.monotonic() + longest
 
@@ -231,17 +252,146 @@ class Trial:
             self.process.join()
         return not self.process.is_alive()
 
+    def failed_test(self) -> str:
+        """Return the name of the test that failed, or a reason if no test ran to its end."""
+        record = self.tree / RECORD
+        return str(json.loads(record.read_text())) if record.exists() else "an error, or the limit of time"
+
     def passed(self) -> bool:
         """Take the fault out, and return whether all tests passed."""
         if self.fault is not None:
             self._file.write_text(self._text)
             for compiled in (self._file.parent / "__pycache__").glob(f"{self._file.stem}.*"):
                 compiled.unlink()
-        return self.process.exitcode == 0
+        return self.process.exitcode in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
 
 
-def _run_tests(tree: Path, package: str, first: str) -> None:
-    """Run the quick tests of `package` until one fails; those in `test_FIRST.py` run first. Exit with pytest's code."""
+class Watch:
+    """A plugin of pytest that writes the time of each test, and the functions that it calls (`with_calls`)."""
+
+    def __init__(self, tree: Path) -> None:
+        self._tree, self._called = tree, set[str]()
+        self._shared: dict[str, set[str]] = {}  # calls by each fixture that several tests share
+        self._found: dict[str, tuple[float, list[str]]] = {}
+        setattr(builtins, CALLED, self._called)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
+        before = set(self._called)
+        self._called.clear()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                self._shared.setdefault(fixturedef.argname, set()).update(self._called)
+            self._called |= before
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Function) -> Iterator[None]:
+        self._called.clear()
+        began = time.process_time()
+        try:
+            return (yield)
+        finally:
+            called = self._called.union(*(self._shared.get(name, ()) for name in item.fixturenames))
+            self._found[item.nodeid] = time.process_time() - began, sorted(called)
+
+    def pytest_sessionfinish(self) -> None:
+        (self._tree / RECORD).write_text(json.dumps(self._found))
+
+
+def with_calls(text: str, name: str) -> str:
+    """Return the source `text` of the file `name`, in which each function adds its name to the set `CALLED`."""
+    lines = text.splitlines()
+    for start, node in sorted(_functions(ast.parse(text)).items(), reverse=True):
+        first = node.body[min(1, len(node.body) - 1)] if ast.get_docstring(node) else node.body[0]
+        line = min([first.lineno, *(each.lineno for each in getattr(first, "decorator_list", []))])
+        own_line = not lines[line - 1][: first.col_offset].strip()
+        if own_line and not ast.get_docstring(ast.Module([first], [])):
+            added = f"getattr(__import__('builtins'), {CALLED!r}, set()).add('{name}:{start}')"
+            lines.insert(line - 1, " " * first.col_offset + added)
+    return "\n".join(lines) + "\n"
+
+
+class Order:
+    """A plugin of pytest that runs only the tests in `order`, and writes which test fails."""
+
+    def __init__(self, tree: Path, order: list[str]) -> None:
+        self._tree, self._rank = tree, {name: rank for rank, name in enumerate(order)}
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted(
+            (item for item in items if item.nodeid in self._rank), key=lambda item: self._rank[item.nodeid]
+        )
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            (self._tree / RECORD).write_text(json.dumps(report.nodeid))
+
+
+@dataclass
+class Tests:
+    """What is known about the quick tests of a package."""
+
+    longest: float  # limit of time in seconds
+    times: dict[str, float]  # seconds that each test takes
+    called: dict[str, set[str]]  # the functions that each test calls: "file:first line"
+    finds: Counter[str] = field(default_factory=Counter)  # number of faults that each test found
+
+    def order(self, fault: Fault, texts: dict[str, str]) -> list[str]:
+        """Return the tests that call a function with the fault; those that found most per second first.
+
+        `texts` are the sources of the package without the fault. If no function has the fault, any of its file counts.
+        """
+        own = (SOURCES / fault.path).as_posix()
+        changed = functions_with(texts, own, fault.row + 1)
+        calls = [
+            test
+            for test, called in self.called.items()
+            if (changed & called if changed else any(name.startswith(f"{own}:") for name in called))
+        ]
+        return sorted(calls, key=lambda test: self.times[test] / (1 + self.finds[test]))
+
+
+def functions_with(texts: dict[str, str], own: str, row: int) -> set[str]:
+    """Return the functions that a change in line `row` of the file `own` changes, as in `Tests.called`.
+
+    Of a constant, these are the functions in `texts` that use its name.
+    """
+    tree = ast.parse(texts[own])
+    around = {start for start, node in _functions(tree).items() if start <= row <= (node.end_lineno or 0)}
+    if around:
+        return {f"{own}:{max(around)}"}
+    names = {
+        name
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.lineno <= row <= (node.end_lineno or 0)
+        for target in node.targets
+        for name in _names(target)
+    }
+    return {
+        f"{file}:{start}"
+        for file, text in texts.items()
+        for start, node in _functions(ast.parse(text)).items()
+        if names & _names(node)
+    }
+
+
+def _functions(tree: ast.AST) -> dict[int, ast.FunctionDef]:
+    """Return the functions of a syntax tree by their first lines."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return {min([node.lineno, *(each.lineno for each in node.decorator_list)]): node for node in functions}
+
+
+def _names(node: ast.AST) -> set[str]:
+    """Return the names of variables and attributes in a syntax tree."""
+    found = [getattr(each, "id", getattr(each, "attr", "")) for each in ast.walk(node)]
+    return {name for name in found if name}
+
+
+def _run_tests(tree: Path, package: str, plugin: Watch | Order) -> None:
+    """Run quick tests of `package` with a `plugin` until one fails. Exit with pytest's code."""
     os.chdir(tree)
     own = ROOT, ROOT / "python"
     sys.path[:] = [str(tree / "python"), str(tree), *(path for path in sys.path if Path(path).resolve() not in own)]
@@ -249,34 +399,51 @@ def _run_tests(tree: Path, package: str, first: str) -> None:
         del sys.modules[name]
     for stream in (sys.stdout, sys.stderr):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    folder = Path("tests/python", package)
-    order = [*(str(path) for path in sorted(folder.rglob(f"test_{first}.py"))), str(folder)]
-    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", *order])))
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", f"not ({SLOW})", str(Path("tests/python", package))]
+    os._exit(int(pytest.main(options, [plugin])))
 
 
-def trials(faults: list[Fault], trees: list[Path], longest: dict[str, float]) -> Iterator[tuple[Fault, bool]]:
-    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and whether a test fails."""
+def trials(
+    faults: list[Fault], trees: list[Path], tests: dict[str, Tests], texts: dict[str, str]
+) -> Iterator[tuple[Fault, str | None]]:
+    """Try the faults in the copies `trees`, one in each at a time. Yield each fault, and the test that fails or None.
+
+    `tests` are those of each package, and `texts` are the sources of each file.
+    """
     waiting, running = list(reversed(faults)), list[Trial]()
     while waiting or running:
         free = [tree for tree in trees if all(trial.tree is not tree for trial in running)]
         for tree in free[: len(waiting)]:
             fault = waiting.pop()
-            running.append(Trial(tree, fault.package, fault, longest[fault.package]))
+            known = tests[fault.package]
+            own = (SOURCES / fault.package).as_posix()
+            order = known.order(fault, {name: text for name, text in texts.items() if name.startswith(f"{own}/")})
+            running.append(Trial(tree, fault.package, fault, known.longest, order))
         wait([trial.process.sentinel for trial in running], timeout=1.0)
         for trial in [trial for trial in running if trial.is_over]:
             running.remove(trial)
             assert trial.fault is not None
-            yield trial.fault, not trial.passed()
+            found = None if trial.passed() else trial.failed_test()
+            tests[trial.fault.package].finds[found or ""] += 1
+            yield trial.fault, found
 
 
-def time_limit(tree: Path, package: str) -> float:
-    """Return the longest time in seconds that the tests of `package` may take; raise ValueError if they fail."""
+def tests_of(tree: Path, package: str) -> Tests:
+    """Run the quick tests of `package` without a fault, and return what they do; raise ValueError if one fails."""
+    texts = {path: path.read_text() for path in (tree / SOURCES / package).rglob("*.py")}
+    for path, text in texts.items():
+        path.write_text(with_calls(text, path.relative_to(tree).as_posix()))
     began = time.monotonic()
     trial = Trial(tree, package, None, float("inf"))
     trial.process.join()
     if not trial.passed():
         raise ValueError(f"the tests of {package} fail without any fault")
-    return 5 * (time.monotonic() - began) + 60
+    found = json.loads((tree / RECORD).read_text())
+    for path, text in texts.items():
+        path.write_text(text)
+    shutil.rmtree(tree / SOURCES / package / "__pycache__", ignore_errors=True)
+    times = {name: seconds for name, (seconds, _) in found.items()}
+    return Tests(5 * (time.monotonic() - began) + 60, times, {name: set(called) for name, (_, called) in found.items()})
 
 
 def main() -> int:
@@ -297,12 +464,13 @@ def main() -> int:
     missed = 0
     with tempfile.TemporaryDirectory() as folder:
         trees = [copy_of_tree(Path(folder, str(number)).resolve()) for number in range(given.jobs)]
-        longest = {package: time_limit(trees[0], package) for package in sorted({fault.package for fault in faults})}
-        texts = {fault.path: (trees[0] / SOURCES / fault.path).read_text() for fault in faults}
-        for number, (fault, found) in enumerate(trials(faults, trees, longest), 1):
-            missed += not found
-            print(f"{number}/{len(faults)}", "found" if found else "NOT FOUND", end=": ")
-            print(fault.shown(texts[fault.path]), flush=True)
+        tests = {package: tests_of(trees[0], package) for package in sorted({fault.package for fault in faults})}
+        files = [path for package in tests for path in (trees[0] / SOURCES / package).rglob("*.py")]
+        texts = {path.relative_to(trees[0]).as_posix(): path.read_text() for path in files}
+        for number, (fault, found) in enumerate(trials(faults, trees, tests, texts), 1):
+            missed += found is None
+            print(f"{number}/{len(faults)}", "NOT FOUND" if found is None else f"found by {found}", end=": ")
+            print(fault.shown(texts[(SOURCES / fault.path).as_posix()]), flush=True)
     share = 1 - missed / len(faults)
     print(f"The tests find {len(faults) - missed} of {len(faults)} faults ({share:.0%}).")
     return int(share < WANTED)

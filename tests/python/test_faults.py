@@ -1,6 +1,7 @@
 """Test the faults of `tests.faults`: which lines change, and how."""
 
 import ast
+import builtins
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from typing import Annotated
 
 LIMIT = 0.25  # a constant
 COUNT = 3
+SMALL = 1e-9
 
 
 def share(values: Annotated[float, 0.5], scale=2.0) -> float:
@@ -20,7 +22,7 @@ def share(values: Annotated[float, 0.5], scale=2.0) -> float:
     if not values or total > 7:
         raise ValueError(f"{scale * 2.5}")
     values[0] = -scale
-    values.sort(axis=1, reverse=True)
+    values.sort(axis=1, strict=True, reverse=True)
     return total if scale else LIMIT
 
 
@@ -40,6 +42,7 @@ def test_every_kind_of_fault_is_drawn_and_nothing_else_changes():
     assert changed == {
         "LIMIT = 0.5  # a constant",
         "COUNT = 6",
+        "SMALL = 0.0",
         "def share(values: Annotated[float, 0.5], scale=4.0) -> float:",
         "total = 1",
         "total = values[2]",
@@ -51,7 +54,7 @@ def test_every_kind_of_fault_is_drawn_and_nothing_else_changes():
         "if not values or total > 8:",
         "pass",
         "values[0] = scale",
-        "values.sort(axis=1, reverse=False)",
+        "values.sort(axis=1, strict=True, reverse=False)",
         "return total",
         "return LIMIT",
     }
@@ -86,3 +89,48 @@ def test_a_named_fault_that_no_longer_fits_is_an_error(monkeypatch):
     monkeypatch.setattr(faults, "NAMED", [("posing/bend.py", "no such text", "")])
     with pytest.raises(ValueError, match=r"posing/bend.py: 'no such text' must occur once, but occurs 0 times"):
         faults.named_faults(("posing",))
+
+
+def test_a_fault_is_given_to_the_functions_that_it_changes():
+    texts = {"own.py": TEXT, "other.py": "def scaled():\n    return own.LIMIT\n"}
+    rows = {line.strip(): row for row, line in enumerate(TEXT.splitlines(), 1)}
+    assert faults.functions_with(texts, "own.py", rows["values[0] = -scale"]) == {"own.py:9"}
+    assert faults.functions_with(texts, "own.py", rows["LIMIT = 0.25  # a constant"]) == {"own.py:9", "other.py:1"}
+    assert faults.functions_with(texts, "own.py", rows["COUNT = 3"]) == set()
+
+
+def test_tests_that_call_the_fault_run_first_by_what_they_found_in_a_second():
+    fault = next(iter(faults.faults_of(Path("posing/share.py"), "def one():\n    return 2 < 3\n")))
+    own, text = "python/dfd/posing/share.py:1", {"python/dfd/posing/share.py": "def one():\n    return 2 < 3\n"}
+    called = {"slow": {own}, "quick": {own}, "finder": {own}, "other": {"python/dfd/posing/other.py:1"}}
+    tests = faults.Tests(60.0, {"slow": 4.0, "quick": 1.0, "finder": 3.0, "other": 0.1}, called)
+    tests.finds["finder"] = 5
+    assert tests.order(fault, text) == ["finder", "quick", "slow"]
+
+
+CALLING = """
+@staticmethod
+def outer():
+    'A docstring.'
+    def short(): return 1
+    def inner():
+        return short()
+    return inner()
+
+def other(
+    value=1,
+): ...
+
+def last():
+    'Nothing but a docstring.'
+"""
+
+
+def test_each_function_reports_its_calls(monkeypatch):
+    called, names = set(), {}
+    monkeypatch.setattr(builtins, faults.CALLED, called, raising=False)
+    exec(faults.with_calls(CALLING, "own.py"), names)
+    assert called == set()
+    names["outer"]()
+    names["other"]()
+    assert called == {"own.py:2", "own.py:6"}

@@ -15,7 +15,7 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.points import Place, place_on
-from dfd.editing.regions import HalfSpace, Region, VertexSet, members
+from dfd.editing.regions import HalfSpace, Region, VertexSet
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, sample_surface
 from dfd.mesh.mesh import Mesh
@@ -113,10 +113,10 @@ class EditTransfer:
             vertices, cosines = self.nearest(positions)
             found: Any = int(vertices[0]) if place.region is None else VertexSet.of(self.mesh, np.unique(vertices))
         else:
-            found = self.region(place.region)
-            held = self.mesh.vertices[members(self.mesh, found)].mean(axis=0, keepdims=True)
+            found = place_on(self.mesh, self.region(place.region))
             before = unit(self.field_from(np.array([place.position])) - self.mean_from, least=TOO_SHORT)
-            cosines = (before * unit(self.field_to(held) - self.mean_to, least=TOO_SHORT)).sum(axis=1)
+            after = unit(self.field_to(np.array([found.position])) - self.mean_to, least=TOO_SHORT)
+            cosines = (before * after).sum(axis=1)
         return place_on(self.mesh, found), float(np.clip(cosines, 0.0, 1.0).mean())
 
     def region(self, region: Region) -> Region:

@@ -82,8 +82,6 @@ class ComponentResiduals(ReadOnlyArrays):
         """Return the index (Q,) of the component whose box matches each of `boxes` (Q, 6), or −1 if no box matches."""
         from scipy.spatial import cKDTree
 
-        if len(boxes) == 0 or len(self.boxes) == 0:
-            return np.full(len(boxes), -1)
         distance, found = cKDTree(self.boxes).query(boxes, p=np.inf)
         return np.where(distance <= SAME, found, -1)
 
@@ -114,7 +112,7 @@ class ComponentResiduals(ReadOnlyArrays):
         own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
         # If a component has at most `NEIGHBORS` samples, weights fall to 0 at twice the farthest one's distance.
-        support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
+        support = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1))[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(support, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
         entries = share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)

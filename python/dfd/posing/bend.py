@@ -65,9 +65,7 @@ def turn_maps(center: Float64, turn: Float64) -> Float64:
     """Return rigid maps (513, 3, 4): rotations about `center` (3,) by equal steps up to the vector `turn`, degrees."""
     share = np.linspace(0.0, 1.0, STEPS + 1)[:, None]
     turns = Rotation.from_rotvec(share * np.radians(turn)).as_matrix()
-    maps = np.concatenate([turns, (center - turns @ center)[:, :, None]], axis=2)
-    maps[0] = np.eye(3, 4)
-    return maps
+    return np.concatenate([turns, (center - turns @ center)[:, :, None]], axis=2)
 
 
 class Sections:

@@ -37,7 +37,6 @@ Blend = Literal["linear", "dual_quaternion"]  # in the order of the kernels
 Out = TypeVar("Out")
 
 IDENTITY = np.eye(3, 4)
-IDENTITY.flags.writeable = False
 
 
 class PoseOptions(TypedDict, total=False):

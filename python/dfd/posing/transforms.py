@@ -253,7 +253,7 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
 
 def _numbers(name: str, value: Any, shapes: tuple[tuple[int, ...], ...], wanted: str) -> Float64:
     """Return `value` as an array of one of `shapes`, which are () or (N,); `wanted` describes them in messages."""
-    single = value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0
+    single = np.isscalar(value) or getattr(value, "ndim", 1) == 0
     numbers: Float64 = check.array("Transform", name, value, () if single else ("N",), dtype=np.float64)
     numbers = numbers.reshape(()) if single else numbers
     if numbers.shape not in shapes:

@@ -257,8 +257,9 @@ def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
 def _candidates(dimension: int) -> list[tuple[int, Precision, int]]:
     """Return (bytes per vertex, precision, number of dimensions) of each format to try, the smallest first."""
     options: list[tuple[int, Precision, int]] = []
-    for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64)):
-        size = min(size, -(-dimension // 4) * 4)
+    most = -(-dimension // 4) * 4
+    for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, most, 64), most):
+        size = min(size, most)
         options += [(size + 4, "int8", size), (2 * size, "float16", min(size, dimension))]
     return sorted(set(options))
 
@@ -290,12 +291,11 @@ def _packed(
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
-        padded[: stop - start] = projected if is_float16 else _rounded(projected, precision, step)
+        padded[: stop - start] = _rounded(projected, precision, step)
         rows = padded.reshape(-1, BLOCK, dimensions)
         into = blocks[start // BLOCK : start // BLOCK + len(rows)]
         if is_float16:
-            with np.errstate(over="ignore"):
-                into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
+            into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
         else:
             into[:, :-1] = (rows + 128).astype(np.uint8).reshape(-1, BLOCK, dimensions // 4, 4).transpose(0, 2, 1, 3)
             squares = np.square(rows).sum(axis=2, dtype=np.float64).astype(np.int32)

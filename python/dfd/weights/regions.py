@@ -75,8 +75,7 @@ def _is_row(item: NDArray[Any]) -> bool:
 def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = False) -> Targets:
     """Return the points of an `array` of handles, or the members of a single handle if `region` is True.
 
-    The kernel checks that vertex indices are valid and distinct. Vertex indices of a region are checked here, because
-    `_thinned` reads their features.
+    The kernel checks that the vertex indices of handles are distinct.
     """
     if region and len(array) == 0:
         raise ArgumentError(name, "must have at least one member", "bind")
@@ -86,8 +85,6 @@ def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = Fa
             return Targets(rows, None, None)
         stored, offsets = source.project(rows)
         return Targets(np.ascontiguousarray(stored), offsets, None)
-    if array.ndim == 1 and array.dtype == np.int64 and not region:
-        return Targets(np.ascontiguousarray(array), None, None)
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 

@@ -1,43 +1,47 @@
 """A session on a generated chair, and fixtures that record its calls of `bind`, `pose` and `Drag`."""
 
-from dataclasses import replace
 from unittest import mock
 
 import pytest
 from counting import Counting
+from prepared import sessions_on
 
 import dfd
 from dfd.editing import shape
 from dfd.editing.influence import feature_weights
-from dfd.editing.presets import PRESETS
+
+
+@pytest.fixture(scope="session")
+def fresh(mesh, field, features):
+    """Return a function that makes a session without handles. All sessions share the planes and parts of the chair."""
+    return sessions_on(mesh, field, features)
 
 
 @pytest.fixture
-def deformer(mesh, field, features):
-    return dfd.Deformer(mesh, field, features=features)
+def deformer(fresh):
+    return fresh()
 
 
 @pytest.fixture
-def rules(monkeypatch):
-    """Return a function that changes rules of the default preset during a test."""
-
-    def change(**changes):
-        monkeypatch.setitem(PRESETS, "default", replace(PRESETS["default"], **changes))
-
-    return change
+def paper(fresh):
+    return fresh("paper")
 
 
 @pytest.fixture
-def paper_handles(rules):
-    """Give new handles the paper's reach and falloff. Counterparts keep own pivots; more similar ones follow more."""
-    rules(reach=1.0, falloff="linear", equalize=False)
+def geodesics_of():
+    """Return a function that replaces the distances of a session by a `Counting`, and returns it."""
+
+    def replaced(session):
+        counting = Counting(session.mesh)
+        session.bound.by_features._geodesics = {True: counting, False: counting}
+        return counting
+
+    return replaced
 
 
 @pytest.fixture
-def geodesics(deformer, mesh):
-    counting = Counting(mesh)
-    deformer.bound.by_features._geodesics[False] = counting
-    return counting
+def geodesics(deformer, geodesics_of):
+    return geodesics_of(deformer)
 
 
 @pytest.fixture
@@ -68,9 +72,3 @@ def folds():
 
     with mock.patch.object(shape, "pose", whole), mock.patch.object(shape, "Drag", drag):
         yield counts
-
-
-@pytest.fixture
-def about_one_pivot(rules):
-    """Give new handles the controls of the preset "paper": all counterparts move about one pivot."""
-    rules(**PRESETS["paper"].handle, equalize=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from counting import Counting
+from prepared import sessions_on
 
 import dfd
 from dfd.editing.controls import Controls, controls_of, length_on
@@ -25,9 +25,14 @@ def labeled(chair, mesh):
     return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
 
 
+@pytest.fixture(scope="module")
+def fresh(mesh, field, labeled):
+    return sessions_on(mesh, field, labeled)
+
+
 @pytest.fixture
-def session(mesh, field, labeled):
-    return dfd.Deformer(mesh, field, features=labeled)
+def session(fresh):
+    return fresh()
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +44,16 @@ def foot(chair, mesh):
 # --- controls of weights
 
 
-@pytest.mark.usefixtures("about_one_pivot")
-def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
-    handle = session.add(foot, reach=0.5, falloff="sharp")
-    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=0.5, falloff="sharp"))
-    session.change(handle, reach=0.7)
-    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=0.7, falloff="sharp"))
-    session.undo()
-    session.undo()
-    assert session.handles == ()
-    session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp", counterparts="shared_pivot")
+def test_reach_and_falloff_are_those_of_bind(paper, labeled, foot):
+    handle = paper.add(foot, reach=0.5, falloff="sharp")
+    np.testing.assert_array_equal(paper.weights, dfd.bind(labeled, [foot], reach=0.5, falloff="sharp"))
+    paper.change(handle, reach=0.7)
+    np.testing.assert_array_equal(paper.weights, dfd.bind(labeled, [foot], reach=0.7, falloff="sharp"))
+    paper.undo()
+    paper.undo()
+    assert paper.handles == ()
+    paper.redo()
+    assert paper.handle(handle).controls == Controls(0.5, "sharp", counterparts="shared_pivot")
 
 
 @pytest.mark.parametrize("radius", [1e-320, 1e-38, "1e-300%"])
@@ -60,29 +64,19 @@ def test_within_the_smallest_radius_only_the_handle_moves(session, mesh, foot, r
     np.testing.assert_array_equal(mesh.vertices[moved], np.tile(mesh.vertices[foot], (moved.sum(), 1)))
 
 
-@pytest.mark.usefixtures("about_one_pivot")
-def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, foot):
-    lengths = geodesics_of(session).lengths([foot])
-    handle = session.add(foot, radius=0.3)
-    weights, free = session.weights[:, 0], dfd.bind(labeled, [foot])[:, 0]
+def test_a_radius_ends_smoothly_where_it_says(paper, geodesics_of, labeled, foot):
+    lengths = geodesics_of(paper).lengths([foot])
+    handle = paper.add(foot, radius=0.3)
+    weights, free = paper.weights[:, 0], dfd.bind(labeled, [foot])[:, 0]
     wanted = np.where(lengths[0] < 0.3, free * (1 - (lengths[0] / 0.3) ** 2) ** 2, 0)
     np.testing.assert_allclose(weights, wanted, atol=1e-6)
     assert weights[foot] == 1
-    session.change(handle, locality=2.0)
-    assert session.handle(handle).controls == controls_of("paper").changed(locality=2.0)
-    session.change(handle, radius="20%")
-    assert session.handle(handle).controls.radius == pytest.approx(0.2 * session.mesh.diagonal)
-    assert session.handle(handle).controls.locality == 0
-    assert length_on(session.mesh, "radius", "0.5") == 0.5
-
-
-@pytest.fixture
-def geodesics_of():
-    def replaced(session):
-        session.bound.by_features._geodesics[False] = Counting(session.mesh)
-        return session.bound.by_features._geodesics[False]
-
-    return replaced
+    paper.change(handle, locality=2.0)
+    assert paper.handle(handle).controls == controls_of("paper").changed(locality=2.0)
+    paper.change(handle, radius="20%")
+    assert paper.handle(handle).controls.radius == pytest.approx(0.2 * paper.mesh.diagonal)
+    assert paper.handle(handle).controls.locality == 0
+    assert length_on(paper.mesh, "radius", "0.5") == 0.5
 
 
 @pytest.mark.parametrize(
@@ -107,55 +101,51 @@ def test_a_limit_may_have_a_soft_edge(session, foot, mesh, region, away):
     assert session.handle(1).controls.mask_feather == pytest.approx(0.1 * mesh.diagonal)
 
 
-@pytest.mark.usefixtures("paper_handles")
-def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
-    handle = session.add(foot, strength=0.25, mask="x>0")
+def test_strength_is_a_factor_and_within_a_limit(paper, labeled, foot, mesh):
+    handle = paper.add(foot, strength=0.25, mask="x>0")
     weights = 0.25 * dfd.bind(labeled, [foot])[:, 0]
     weights[mesh.vertices[:, 0] < 0] = 0
-    np.testing.assert_array_equal(session.weights[:, 0], weights)
-    session.change(handle, mask="everywhere", strength=1)
-    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot]))
+    np.testing.assert_array_equal(paper.weights[:, 0], weights)
+    paper.change(handle, mask="everywhere", strength=1)
+    np.testing.assert_array_equal(paper.weights, dfd.bind(labeled, [foot]))
 
 
-@pytest.mark.usefixtures("paper_handles")
-def test_a_region_is_held_as_its_nearest_member_is(session, labeled, chair):
+def test_a_region_is_held_as_its_nearest_member_is(paper, labeled, chair):
     seat = chair.vertices_of("seat")
-    session.add(seat, translation=(0, 0.2, 0))
-    weights = session.weights[:, 0]
+    paper.add(seat, translation=(0, 0.2, 0))
+    weights = paper.weights[:, 0]
     np.testing.assert_array_equal(weights[seat], 1)
     nearest = dfd.bind(labeled, seat).max(axis=1)
     np.testing.assert_allclose(weights, nearest, atol=0.05)
     assert (weights <= nearest + 1e-6).all()
-    np.testing.assert_allclose(session.vertices[seat], session.mesh.vertices[seat] + (0, 0.2, 0), atol=1e-6)
-    low, high = session.mesh.vertices[seat].min(axis=0), session.mesh.vertices[seat].max(axis=0)
-    np.testing.assert_allclose(session.handles[0].pivot, (low + high) / 2)
+    np.testing.assert_allclose(paper.vertices[seat], paper.mesh.vertices[seat] + (0, 0.2, 0), atol=1e-6)
+    low, high = paper.mesh.vertices[seat].min(axis=0), paper.mesh.vertices[seat].max(axis=0)
+    np.testing.assert_allclose(paper.handles[0].pivot, (low + high) / 2)
 
 
 # --- fixed points and regions
 
 
-@pytest.mark.usefixtures("paper_handles")
-def test_handles_arrive_although_fixed_points_take_from_them(session, rules, chair, labeled, foot, mesh):
+def test_handles_arrive_although_fixed_points_take_from_them(session, paper, chair, labeled, foot, mesh):
     seat = int(chair.vertices_of("seat")[0])
-    session.add(foot, translation=(0, -0.2, 0))
+    session.add(foot, translation=(0, -0.2, 0), reach=1.0, falloff="linear", counterparts="shared_pivot")
     session.fix(seat)
     left = dfd.bind(labeled, [foot], fixed=[seat])
     assert 0.2 < left[foot, 0] < 0.9
     np.testing.assert_allclose(session.weights, np.minimum(left / left[foot, 0], 1), rtol=1e-6)
     np.testing.assert_allclose(session.vertices[foot], mesh.vertices[foot] - (0, 0.2, 0), atol=1e-7)
     np.testing.assert_array_equal(session.vertices[seat], mesh.vertices[seat])
-    rules(reach_targets=False)
-    np.testing.assert_array_equal(session.weights, left)
+    paper.add(foot)
+    paper.fix(seat)
+    np.testing.assert_array_equal(paper.weights, left)
 
 
-@pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
-def test_a_fixed_point_holds_by_its_strength(session, rules, labeled, chair, foot, strength):
+def test_a_fixed_point_holds_by_its_strength(paper, labeled, chair, foot, strength):
     seat = int(chair.vertices_of("seat")[0])
-    rules(reach_targets=False)
-    session.add(foot)
-    session.fix(seat, strength=strength)
-    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], fixed=[seat], strength=strength))
+    paper.add(foot)
+    paper.fix(seat, strength=strength)
+    np.testing.assert_array_equal(paper.weights, dfd.bind(labeled, [foot], fixed=[seat], strength=strength))
 
 
 def test_all_of_a_fixed_region_stays(session, chair, foot, mesh):

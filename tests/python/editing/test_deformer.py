@@ -24,10 +24,9 @@ def test_without_handles_the_shape_rests(deformer, mesh):
 
 
 @pytest.mark.parametrize("symmetry", [None, "x"])
-@pytest.mark.usefixtures("about_one_pivot")
 def test_untransformed_handles_change_nothing_at_all(deformer, mesh, folds, symmetry):
-    handles = [deformer.add(vertex) for vertex in (5, 6, 7)]
-    deformer.add((0.1, 0.2, 0.3))
+    handles = [deformer.add(vertex, reach=1.0, counterparts="shared_pivot") for vertex in (5, 6, 7)]
+    deformer.add((0.1, 0.2, 0.3), reach=1.0)
     deformer.set_symmetry(symmetry)
     assert deformer.weights.sum(axis=1).max() > 3
     np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
@@ -50,22 +49,20 @@ def test_a_handle_at_rest_beside_a_moved_one_changes_nothing(deformer, mesh, sym
     assert np.abs(deformer.vertices - alone).max() > 0.05
 
 
-@pytest.mark.usefixtures("about_one_pivot")
-def test_the_session_is_bind_and_pose(deformer, rules, mesh, features):
-    rules(reach_targets=False)
-    deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
-    deformer.add(900, scale=(1, 2, 1), pivot="point")
-    deformer.fix(6)
+def test_with_the_preset_paper_the_session_is_bind_and_pose(paper, mesh, features):
+    paper.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
+    paper.add(900, scale=(1, 2, 1), pivot="point")
+    paper.fix(6)
     transforms = [
         Transform(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]).matrix(),
         Transform(scale=(1, 2, 1), pivot=mesh.vertices[900]).matrix(),
     ]
     weights = dfd.bind(features, [5, 900], fixed=[6])
     assert weights.sum(axis=1).max() <= 1
-    np.testing.assert_array_equal(deformer.weights, weights)
-    np.testing.assert_array_equal(deformer.transforms, transforms)
-    posed = dfd.pose(mesh.vertices, weights, transforms, handles=[5, 900], blend="dual_quaternion")
-    np.testing.assert_array_equal(deformer.vertices, posed)
+    np.testing.assert_array_equal(paper.weights, weights)
+    np.testing.assert_array_equal(paper.transforms, transforms)
+    posed = dfd.pose(mesh.vertices, weights, transforms, handles=[5, 900], overlap="paper")
+    np.testing.assert_array_equal(paper.vertices, posed)
 
 
 def test_a_handle_turns_about_the_pivot_that_it_is_told(deformer, mesh):

@@ -1,17 +1,16 @@
 """Test which geodesic distances a session computes."""
 
 import numpy as np
-import pytest
 
 import dfd
 
 
-@pytest.mark.usefixtures("paper_handles")
-def test_locality_is_each_handle_s_own(deformer, geodesics, mesh):
-    deformer.add(5, locality=3.0)
-    deformer.add(900)
-    wanted = dfd.bind(deformer.features, [5, 900], geodesic=geodesics.distances([5, 900]), locality=[3.0, 0.0])
-    np.testing.assert_array_equal(deformer.weights, wanted)
+def test_locality_is_each_handle_s_own(paper, geodesics_of):
+    geodesics = geodesics_of(paper)
+    paper.add(5, locality=3.0)
+    paper.add(900)
+    wanted = dfd.bind(paper.features, [5, 900], geodesic=geodesics.distances([5, 900]), locality=[3.0, 0.0])
+    np.testing.assert_array_equal(paper.weights, wanted)
 
 
 def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, mesh):
@@ -20,12 +19,11 @@ def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, me
     assert geodesics.asked == [[70]]
 
 
-@pytest.mark.usefixtures("paper_handles")
 def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geodesics, bound, mesh):
     vertex = int(mesh.vertices[:, 0].argmax())
     mirrored = int(np.linalg.norm(mesh.vertices - mesh.vertices[vertex] * [-1, 1, 1], axis=1).argmin())
-    deformer.add(vertex, locality=3.0)
-    deformer.add(5)
+    deformer.add(vertex, locality=3.0, reach=1.0, falloff="linear", counterparts="only")
+    deformer.add(5, reach=1.0, counterparts="only")
     _ = deformer.weights
     deformer.set_symmetry("x")
     both = geodesics.distances([vertex, mirrored]).min(axis=0)

@@ -83,10 +83,10 @@ def leg(sample, number):
     return sample.vertices_of("leg", number)
 
 
-@pytest.mark.usefixtures("paper_handles")
 def test_each_counterpart_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
     rotation = (0, 40, 0)
-    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), counterparts="own_pivot", pivot="point")
+    session.preset = "paper"
+    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), counterparts="own_pivot")
     for number in (0, 1):
         members = leg(sample, number)
         turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
@@ -117,17 +117,16 @@ def test_with_counterparts_only_just_the_leg_at_the_handle_moves(session, sample
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
 
 
-@pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
-def test_equalize_gives_all_counterparts_full_weight(session, rules, sample, mesh, asked, foot, counterparts):
+def test_equalize_gives_all_counterparts_full_weight(session, sample, mesh, asked, foot, counterparts):
+    session.preset = "paper"
     session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
     back = leg(sample, 2)
     half = session.vertices[back] - mesh.vertices[back]
     assert 0.05 < -half[:, 1].mean() < 0.15
-    rules(equalize=True)
-    full = dfd.Deformer(mesh, session.field, features=session.features)
-    full.apply(session.edit)
-    np.testing.assert_allclose(full.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
+    session.preset = "default"
+    session.change(1, reach=1.0, falloff="linear", counterparts=counterparts)
+    np.testing.assert_allclose(session.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
 
 
 @pytest.mark.parametrize("near", [{"locality": 3.0}, {"radius": 1.5}])

@@ -121,8 +121,7 @@ def test_a_session_goes_on_from_its_file(deformer, mesh, field, features, geodes
     assert again.add(7) not in [handle.id for handle in deformer.handles]
 
 
-def test_an_edit_holds_on_another_resolution(deformer, rules, mesh, field, tmp_path):
-    rules(equalize=False)
+def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
     deformer.add(5, translation=(0, 0.2, 0), reach=0.7)
     deformer.add(900, rotation=(0, 20, 0), reach=0.7)
     deformer.fix(1500)

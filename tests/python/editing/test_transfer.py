@@ -100,6 +100,8 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
     np.testing.assert_allclose(ball.center, (5.6, 0.3, 0.6), atol=1e-6)
     assert ball.radius == pytest.approx(0.6)
     assert found.edit.fixed[1].place.region.offset == pytest.approx(0.6)
+    assert found.similarity[1] == pytest.approx(1.0, abs=1e-3)
+    assert found.fixed_similarity == pytest.approx((1.0, 1.0), abs=1e-3)
 
 
 def test_fields_of_two_encoders_are_refused(mesh, moved, fields):

@@ -12,7 +12,7 @@ from tiny_encoder import save_tiny_encoder
 from trimesh.remesh import subdivide
 
 import dfd
-from dfd.field.compatibility import surface_points
+from dfd.field.compatibility import check_compatible, surface_points
 
 
 def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
@@ -138,6 +138,13 @@ def test_a_field_refuses_another_shape_of_the_same_size(mesh, known, sample):
     with pytest.raises(ValueError, match=r"was distilled from another shape: .*; other_shape=True accepts it anyway"):
         dfd.Deformer(stranger, known)
     dfd.Deformer(stranger, known, other_shape=True)
+
+
+def test_a_small_piece_of_the_shape_is_refused(mesh, known):
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    legs = dfd.Mesh(mesh.vertices, mesh.faces[middles[:, 1] < 0.3])
+    with pytest.raises(ValueError, match="0% of the mesh is far from that shape, and [6-9].% of that shape is far"):
+        check_compatible(known, legs)
 
 
 def test_a_distilled_field_knows_its_surface(mesh, tmp_path):

@@ -53,6 +53,12 @@ def test_overlapping_components_have_different_features() -> None:
     assert (features * wanted).sum(axis=1).min() > 0.95
     assert (network * wanted).sum(axis=1).max() < 0.9  # the network alone does not separate the tubes
     assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()
+    np.testing.assert_allclose(field.on(mesh).at(mesh.vertices + 1e-5), features, atol=1e-3)
+    np.testing.assert_array_equal(field.with_residuals(None).on(mesh).at(mesh.vertices), network)
+    placed = dfd.Field(field.parameters, octaves=2, center=(3, 1, 0), scale=0.5, residuals=field.residuals)
+    larger = dfd.Mesh(2 * mesh.vertices + [3, 1, 0], mesh.faces)
+    np.testing.assert_allclose(placed.features(larger), features, atol=1e-4)
+    np.testing.assert_allclose(placed.on(larger).at(larger.vertices), features, atol=1e-4)
 
 
 def test_a_handle_moves_only_its_own_component() -> None:
@@ -71,6 +77,14 @@ def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes() -> None:
     finer = shells(31)
     component, _ = components_of_vertices(finer)
     assert (field.features(finer) * np.eye(WIDTH)[component]).sum(axis=1).min() > 0.9
+    np.testing.assert_array_equal(field.residuals.known(field.residuals.boxes + 0.015), [0, 1])
+    np.testing.assert_array_equal(field.residuals.known(field.residuals.boxes + 0.025), [-1, -1])
+    for count in (0, 1):
+        few = ComponentResiduals(
+            field.residuals.boxes[:count], np.zeros((count, 3)), range(count), np.zeros((count, 1))
+        )
+        np.testing.assert_array_equal(few.known(field.residuals.boxes), [[-1, -1], [0, -1]][count])
+        np.testing.assert_array_equal(few.known(np.zeros((0, 6))), np.zeros(0, int))
     moved = dfd.Mesh(finer.vertices + [0.5, 0, 0], finer.faces)
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
@@ -87,6 +101,38 @@ def test_residuals_are_continuous() -> None:
     assert np.linalg.norm(np.diff(told, axis=0), axis=1).max() < 0.02
     np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # the inputs stay unchanged
     assert pieces.add_residuals(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
+
+
+@pytest.mark.parametrize(("count", "others"), [(1, 30), (8, 30), (30, 30), (30, 0)])
+def test_a_residual_is_a_mean_of_the_nearest_samples_on_the_own_component(count: int, others: int) -> None:
+    random = np.random.default_rng(count)
+    points = random.uniform(-1, 1, (count + others, 3)).astype(np.float32)
+    component = np.repeat([1, 0], [count, others])
+    differences = random.normal(size=(len(points), WIDTH)).astype(np.float16)
+    residuals = ComponentResiduals(random.random((2, 6)), points, component, differences)
+    places = np.concatenate([random.uniform(-1, 1, (20, 3)), points[:1]])
+    rows = np.tile(np.eye(WIDTH, dtype=np.float32)[0], (len(places), 1))
+    found = residuals.add_residuals(rows, places, np.ones(len(places), np.int64))
+    for place, row in zip(places, found, strict=True):
+        distances = np.linalg.norm(points[:count] - place, axis=1)
+        nearest = distances.argsort()[:9]
+        end = distances[nearest[8]] if count > 8 else max(2 * distances[nearest[-1]], 1e-9)
+        shares = np.square(1 - distances[nearest[:8]] / end)
+        wanted = np.eye(WIDTH)[0] + shares @ differences[nearest[:8]].astype(np.float64) / shares.sum()
+        np.testing.assert_allclose(row, wanted / np.linalg.norm(wanted), atol=1e-5)
+
+
+@pytest.mark.parametrize("at", [(0, 0, 0), (9, 0, 0)])
+def test_where_residuals_say_nothing_the_feature_of_the_network_stays(at: tuple[float, ...]) -> None:
+    """Nine samples at one distance say the same, residuals can cancel a feature, and components can have no samples."""
+    points = [(x * a, y * b, 0) for a, b in ((3, 4), (4, 3)) for x in (-1, 1) for y in (-1, 1)] + [(5, 0, 0)]
+    rows = np.eye(WIDTH, dtype=np.float32)[:1]
+    cancelling = ComponentResiduals(np.zeros((2, 6)), points, np.zeros(9, int), np.tile(-rows, (9, 1)))
+    for component in (0, 1):
+        np.testing.assert_array_equal(cancelling.add_residuals(rows, np.array([at]), np.array([component])), rows)
+    turning = ComponentResiduals(np.zeros((1, 6)), points, np.zeros(9, int), np.tile(np.eye(WIDTH)[1], (9, 1)))
+    wanted = (np.eye(WIDTH)[:1] + np.eye(WIDTH)[1]) / np.sqrt(2)
+    np.testing.assert_allclose(turning.add_residuals(rows, np.array([at]), np.array([0])), wanted, atol=1e-6)
 
 
 def test_components_join_seams_and_leave_out_vertices_without_faces() -> None:

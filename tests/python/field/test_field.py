@@ -160,6 +160,33 @@ def test_file_gives_the_field_back(field: Field, tmp_path: Path) -> None:
         assert path.read_bytes() == content
 
 
+def test_a_small_field_far_from_the_origin_can_be_loaded(tmp_path: Path) -> None:
+    small = made_field(4, width=8, layers=1, center=(1e4, 0, 0), scale=1e7)
+    small.save(tmp_path / "a.safetensors")
+    loaded = Field.load(tmp_path / "a.safetensors")
+    np.testing.assert_array_equal(loaded([small.center]), small([small.center]))
+
+
+def test_arrays_of_a_field_are_its_own_and_read_only(field: Field) -> None:
+    given = {name: values.copy() for name, values in field.parameters.items()}
+    center, surface = np.array([1.0, 2.0, 3.0]), np.zeros((512, 3), np.float32)
+    made = Field(given, octaves=2, center=center, surface=surface)
+    before = made(points())
+    for array in (*given.values(), center, surface):
+        array += 1
+    np.testing.assert_array_equal(made(points()), before)
+    for array in (*made.parameters.values(), made.center, made.surface):
+        assert not array.flags.writeable
+    with pytest.raises(ValueError, match=r"`surface` must have shape \(512, 3\), got \(5, 3\)"):
+        Field(given, octaves=2, surface=surface[:5])
+
+
+def test_without_a_box_a_field_is_that_of_the_cube_around_the_origin(field: Field) -> None:
+    plain = Field(field.parameters, octaves=2)
+    boxed = Field(field.parameters, octaves=2, center=(0, 0, 0), scale=1.0)
+    np.testing.assert_array_equal(plain(points()), boxed(points()))
+
+
 def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dict | None = None) -> None:
     field.save(path)
     with safe_open(path, framework="np") as file:

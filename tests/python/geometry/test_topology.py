@@ -1,4 +1,4 @@
-"""Test counts of components and defects on meshes with known defects."""
+"""Test counts on meshes with known defects, and the order of faces by position."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE
 
-from dfd.geometry.topology import inspect
+from dfd.geometry.topology import by_position, inspect, lowest_first
 from dfd.mesh.mesh import Mesh
 
 
@@ -52,3 +52,71 @@ def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
     assert found.boundary_edges == (counts == 1).sum()
     links = trimesh.graph.connected_component_labels(torn.edges, node_count=len(torn.vertices))
     assert found.components == len(np.unique(links[torn.faces]))
+
+
+RANDOM = np.random.default_rng(3)
+# Small faces in a unit cube. Two faces of a star share a center, and two others differ in their corners only there.
+PLACES = RANDOM.random((40, 1, 3)) + 0.01 * RANDOM.standard_normal((40, 3, 3))
+STAR = np.array([(0, 0, 1), (1, 0, 0), (0, 1, 0)]) / 3 + 0.2
+TRIANGLES = np.concatenate([PLACES, [STAR, 2 * STAR.mean(axis=0) - STAR]])
+
+
+def in_order(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the corners (N, 3, 3) of the faces in their order, the lowest corner of each first."""
+    return vertices[lowest_first(vertices, faces)[by_position(vertices, faces)]]
+
+
+def shuffled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh with vertices, faces and corners in another order."""
+    order = RANDOM.permutation(len(vertices))
+    turns = (RANDOM.integers(3, size=(len(faces), 1)) + np.arange(3)) % 3
+    return vertices[order], np.take_along_axis(np.argsort(order)[faces], turns, axis=1)[RANDOM.permutation(len(faces))]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        shuffled,
+        lambda vertices, faces: (vertices * 1e-3, faces),
+        lambda vertices, faces: (vertices + 1000.0, faces),
+        lambda vertices, faces: shuffled(vertices, np.concatenate([faces, faces[::-1, [1, 2, 0]], faces])),
+        lambda vertices, faces: (np.concatenate([vertices, vertices]), np.concatenate([faces + len(vertices), faces])),
+        lambda vertices, faces: (np.concatenate([vertices, RANDOM.random((500, 3)) * 100]), faces),
+    ],
+    ids=["another order", "smaller", "shifted", "doubled faces", "doubled surface", "unused vertices"],
+)
+def test_only_positions_decide_the_order_of_faces(change) -> None:
+    vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3).reshape(-1, 3)
+    wanted, changed = in_order(vertices, faces), in_order(*change(vertices, faces))
+    assert len(wanted) == len(faces)
+    moved, size = changed - changed.min(axis=(0, 1)), np.ptp(changed, axis=(0, 1)).max()
+    np.testing.assert_allclose(
+        moved / size, (wanted - wanted.min(axis=(0, 1))) / np.ptp(wanted, axis=(0, 1)).max(), atol=1e-9
+    )
+
+
+def test_two_sides_of_a_sheet_are_one_face_and_the_side_that_stays_does_not_depend_on_the_order() -> None:
+    vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3).reshape(-1, 3)
+    both = np.concatenate([faces, faces[:, ::-1]])
+    wanted = in_order(vertices, both)
+    assert len(wanted) == len(faces)
+    np.testing.assert_array_equal(in_order(*shuffled(vertices, both)), wanted)
+
+
+def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other() -> None:
+    centers = (np.stack(np.meshgrid(*3 * [np.arange(8)]), axis=-1).reshape(-1, 3) + 0.5)[RANDOM.permutation(512)]
+    vertices = np.concatenate([(centers[:, None] + 0.1 * np.eye(3)).reshape(-1, 3), [(0, 0, 0), (8, 8, 8)]])
+    faces = np.concatenate([np.arange(1536).reshape(-1, 3), [(1536, 1536, 1536), (1537, 1537, 1537)]])
+    order = by_position(vertices, faces)
+    bits = np.floor(centers[order[(order < 512)]]).astype(int)[:, ::-1, None] >> [2, 1, 0] & 1  # (512, z y x, levels)
+    codes = bits.transpose(0, 2, 1).reshape(512, 9) @ (1 << np.arange(9)[::-1])
+    np.testing.assert_array_equal(codes, np.arange(512))
+
+
+def test_faces_start_at_their_lowest_corner_and_keep_their_side() -> None:
+    vertices = np.stack(np.meshgrid(*3 * [np.arange(3.0)]), axis=-1).reshape(-1, 3)[RANDOM.permutation(27)]
+    faces = np.array([RANDOM.permutation(27)[:3] for _ in range(200)], np.int32)
+    turned = lowest_first(vertices, faces)
+    for before, after in zip(faces.tolist(), turned.tolist(), strict=True):
+        assert after in (before, before[1:] + before[:1], before[2:] + before[:2])
+        assert tuple(vertices[after[0]]) == min(tuple(vertices[corner]) for corner in before)

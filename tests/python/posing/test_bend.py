@@ -55,6 +55,15 @@ def test_maps_are_rigid_and_begin_with_the_identity(bend, twist, joint):
     assert angles[-1] == pytest.approx(np.linalg.norm(bend) + twist, abs=1e-6)
 
 
+@pytest.mark.parametrize("joint", [None, 0.4])
+def test_a_bend_has_no_crease(joint):
+    turns = bend_maps(AXIS.nodes, 1e-3 * AXIS.radius, (0, 0, 40), 0.0, joint)[:, :2, 0]
+    angles = np.degrees(np.arctan2(turns[:, 1], turns[:, 0]))
+    assert np.abs(np.diff(angles, 2)).max() < 0.1
+    between = ((angles > 1e-9) & (angles < 40 - 1e-9)).mean()
+    assert between == pytest.approx(1.0 if joint is None else 0.12, abs=0.005)  # even a thin joint has some length
+
+
 def test_maps_about_a_center_turn_by_equal_steps():
     maps = turn_maps(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 90.0]))
     np.testing.assert_array_equal(maps[0], np.eye(3, 4))
@@ -63,6 +72,13 @@ def test_maps_about_a_center_turn_by_equal_steps():
     )
     np.testing.assert_allclose(maps[STEPS // 2, 0, :2], [np.cos(np.pi / 4), -np.sin(np.pi / 4)])
     np.testing.assert_allclose(maps[-1, :, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
+
+
+def test_a_part_of_which_nothing_moves_stays():
+    points = np.array(STANDING.vertices)
+    maps = bend_maps(AXIS.nodes, AXIS.radius, (0, 0, 40), 0.0)
+    Sections(np.arange(5), np.zeros(5)).move(points, maps)
+    np.testing.assert_array_equal(points, STANDING.vertices)
 
 
 @given(angle, angle, st.floats(-360, 360), st.sampled_from([None, 0.4, 0.6]))

@@ -153,6 +153,9 @@ def test_other_types_and_layouts_are_taken():
     wanted = dfd.pose(vertices, weights, transforms)
     np.testing.assert_array_equal(dfd.pose(np.asfortranarray(vertices), weights[::-1][::-1], transforms), wanted)
     np.testing.assert_array_equal(dfd.pose(vertices.tolist(), weights.astype(np.float64), transforms), wanted)
+    for other in (np.asfortranarray(transforms), transforms.tolist(), transforms.astype(np.float16).astype(np.float32)):
+        same = np.asarray(other, np.float64)
+        np.testing.assert_array_equal(dfd.pose(vertices, weights, other), dfd.pose(vertices, weights, same.copy()))
     assert dfd.pose(np.arange(9).reshape(3, 3), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float64
     for dtype in (np.float16, ">f4"):
         assert dfd.pose(np.zeros((3, 3), dtype), np.ones((3, 1)), np.eye(3, 4)[None]).dtype == np.float32
@@ -176,6 +179,7 @@ SHEAR[1, 3, 0] = 0.5
         ({"weights": np.full((6, 2), np.nan)}, r"`weights` must be finite, got nan at \[0, 0\]"),
         ({"transforms": np.zeros((5, 4, 2))}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(5, 4, 2\)"),
         ({"transforms": TRANSFORMS[:1]}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(1, 3, 4\)"),
+        ({"transforms": []}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(0,\)"),
         ({"transforms": TRANSFORMS[0]}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(3, 4\)"),
         ({"transforms": np.full((2, 3, 4), np.nan)}, r"`transforms` must be finite, got nan"),
         ({"transforms": SHEAR}, r"`transforms` must have the bottom row \[0, 0, 0, 1\], got \[0.5, 0.0, 0.0, 1.0\]"),

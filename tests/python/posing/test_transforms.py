@@ -32,6 +32,11 @@ def test_rotations_are_right_handed_and_in_degrees(rotation, point, image):
     np.testing.assert_allclose(rotation_matrix(rotation) @ point, image, atol=1e-15)
 
 
+@pytest.mark.parametrize("turns", [1, -3, 2_000_000])
+def test_whole_turns_change_nothing(turns):
+    np.testing.assert_allclose(rotation_matrix((360.0 * turns + 90, 0, 0)), rotation_matrix((90, 0, 0)), atol=1e-13)
+
+
 @given(points, st.tuples(*[st.floats(-720, 720)] * 3), st.floats(-3, 3))
 def test_the_pivot_stays_but_for_the_translation(pivot, rotation, scale):
     matrix = Transform(translation=(0.5, 0, -2), rotation=rotation, scale=scale, pivot=pivot).matrix()
@@ -84,7 +89,13 @@ def test_one_factor_scales_all_axes(factor):
         ({"scale": math.nan}, r"`scale` must be finite"),
         ({"rotation": 90}, r"`rotation` must be a rotation vector in degrees \(3 numbers\) or a quaternion"),
         ({"rotation": (0, 0, 0, 0)}, r"`rotation` must be a quaternion other than 0"),
-        ({"rotation": (1e300, 1e300, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
+        ({"rotation": (1.01e9, 0, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
+        ({"bend": (0, -1.01e9, 0)}, r"`bend` must stay within ±1e\+09 degrees"),
+        ({"twist": 1.01e9}, r"`twist` must be at most 1e\+09, got 1.01e\+09"),
+        ({"twist": -1.01e9}, r"`twist` must be at least -1e\+09, got -1.01e\+09"),
+        ({"twist": "left"}, r"`twist` must be a number, got 'left'"),
+        ({"scale": None}, r"`scale` must be .*, got None"),
+        ({"pivot_at": "base"}, r"`pivot` must be given when `pivot_at` is"),
         ({"translation": (0, -1e39, 0)}, r"`translation` must be numbers of at most 1e\+38, got 0,-1e\+39,0"),
         ({"pivot": (0, 0, 1e39)}, r"Transform: `pivot` must be numbers of at most 1e\+38, got 0,0,1e\+39"),
         ({"scale": -1e39}, r"Transform: `scale` must be numbers of at most 1e\+38, got -1e\+39"),
@@ -125,6 +136,16 @@ def test_a_joint_lies_on_the_axis():
         with pytest.raises(ValueError, match=f"Transform: `joint` must be {bound}, got {joint}"):
             Transform(joint=joint)
     assert Transform(joint=0.25).changed(joint="spread").joint is None
+
+
+def test_a_pivot_keeps_its_name_until_another_is_given():
+    named = Transform().changed(pivot=(1, 2, 3), pivot_at="base")
+    assert (named.pivot, named.pivot_at) == ((1, 2, 3), "base")
+    assert named.changed(scale=2).pivot_at == "base"
+    assert named.changed(pivot=(1, 2, 3)).pivot_at == "base"
+    assert named.changed(pivot=(1, 2, 4)).pivot_at is None
+    assert named.changed(pivot=(1, 2, 3), pivot_at="middle").pivot_at == "middle"
+    assert named.changed(pivot="auto").pivot_at is None
 
 
 def test_a_center_too_far_away_is_refused():

@@ -105,6 +105,24 @@ def test_size_does_not_matter(scale: float) -> None:
     assert plane.normal == (1.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("change", [None, "doubled", "shifted", "smaller", "some alone", "most alone"])
+def test_exactly_mirrored_vertices_give_the_exact_offset(axis: int, change: str | None) -> None:
+    random = np.random.default_rng(2)
+    one = random.random((100, 3))
+    place, middle = one, 0.3
+    if change == "shifted":
+        place, middle = one - 0.7, 0.3 - 0.7
+    if change == "smaller":
+        place, middle = 0.01 * one, 0.003
+    other = place.copy()
+    other[:, axis] = 2 * middle - other[:, axis]
+    more = {"doubled": place, "some alone": random.random((150, 3)), "most alone": random.random((250, 3))}
+    vertices = random.permutation(np.concatenate([place, other, more.get(change, one[:0])]))
+    found = search._offset_of_pairs(vertices, axis)
+    assert found == (None if change == "most alone" else pytest.approx(middle, abs=1e-12))
+
+
 @pytest.mark.parametrize("vertices", [np.zeros((3, 3)), np.eye(3), np.arange(9.0).reshape(3, 3)])
 def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
     planes = dfd.symmetry_planes(FoldedField(lambda points: points), Mesh(vertices, [(0, 1, 2)]))

@@ -140,7 +140,7 @@ def test_tensors_that_require_gradients_are_refused():
 
 
 @pytest.mark.parametrize("falloff", FALLOFFS)
-@pytest.mark.parametrize("reach", [0.3, 1, 1.7, 3])
+@pytest.mark.parametrize("reach", [0.3, 1.0, 1.7, 2.0, 3])
 def test_every_falloff(falloff, reach):
     angles = np.linspace(0, np.pi, 500)  # unit rows at every distance from 0 to 2
     features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)

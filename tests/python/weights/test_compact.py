@@ -41,6 +41,12 @@ def test_weights_stay_within_the_tolerance(tolerance, precision):
     np.testing.assert_array_equal(weights[HANDLES, np.arange(len(HANDLES))], 1)
 
 
+@pytest.mark.parametrize("tolerance", [0.05, 0.002])
+def test_features_that_lie_far_from_0_take_no_more_memory(tolerance):
+    far = dfd.compact(FEATURES + np.linspace(-50, 50, 96, dtype=np.float32), tolerance=tolerance)
+    assert far.nbytes == dfd.compact(FEATURES, tolerance=tolerance).nbytes
+
+
 @pytest.fixture(scope="module", params=["int8", "float16"])
 def compact(request):
     result = dfd.compact(FEATURES, tolerance={"int8": 0.05, "float16": 0.002}[request.param])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_field import made_field, same
+from made_field import same
 from tiny_encoder import save_tiny_encoder
 
 import dfd
@@ -19,7 +18,6 @@ import dfd.encoders.encode
 from dfd import Field, Mesh
 from dfd.distillation.distill import find_distilled
 from dfd.distillation.settings import DistillSettings
-from dfd.field import cache as field_cache
 
 SIZES: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32}
 SMALL: dict[str, Any] = {**SIZES, "progress": False, "device": "cpu"}
@@ -147,28 +145,3 @@ def test_a_cache_that_cannot_be_written_is_one_warning(
     assert len(told) == 1
     assert told[0].filename == __file__
     assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), field)
-
-
-def store(name: str, cache: Path, age: float) -> Path:
-    before = set(cache.glob("*")) if cache.exists() else set()
-    field_cache.store({"name": name}, made_field(4, width=8, layers=1))
-    (entry,) = set(cache.glob("*")) - before
-    os.utime(entry, (time.time() - age,) * 2)
-    return entry
-
-
-def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    old, older, oldest = (store(name, cache, age) for name, age in (("a", 100), ("b", 200), ("c", 300)))
-    assert field_cache.find({"name": "c"}) is not None  # used: now the newest
-    monkeypatch.setattr(field_cache, "LIMIT", 3 * old.stat().st_size + 10)
-    litter = cache / ".0123.safetensors"
-    litter.write_bytes(b"half")
-    os.utime(litter, (0, 0))
-    recent = cache / ".4567.safetensors"
-    recent.write_bytes(b"being written")
-    newest = store("d", cache, 0)
-    assert set(cache.iterdir()) == {old, oldest, newest, recent}
-    monkeypatch.setattr(field_cache, "LIMIT", 1)
-    assert store("e", cache, 0).exists()  # what was just made stays, however large
-    assert not newest.exists()
-    assert not older.exists()
