@@ -70,6 +70,10 @@ def test_the_reference_lists_the_parameters_of_the_signature(name: str) -> None:
     assert own <= listed
 
 
+def test_the_reference_lists_all_motions_and_controls_of_a_handle() -> None:
+    assert {*CONTROLS, *MOTIONS} <= set(entries(sections(PUBLIC["Deformer.add"])["Parameters"]))
+
+
 @pytest.mark.parametrize("name", PUBLIC)
 def test_a_short_docstring_names_every_parameter(name: str) -> None:
     value = PUBLIC[name]

@@ -88,6 +88,28 @@ def test_code_reads_only_files_that_its_page_made_before(page: Path) -> None:
         made |= set(re.findall(r"(?:-o|--save-edit) (\S+)", line))
 
 
+HOW_TO = [page for page in PAGES if page.parent.name == "how_to" and page.stem != "index"]
+
+
+@pytest.mark.parametrize("page", HOW_TO, ids=str)
+def test_how_to_pages_say_what_to_do_in_the_app(page: Path) -> None:
+    assert ":::{admonition} In the app\n" in PAGES[page].partition("```python")[0]
+
+
+def test_the_page_about_other_programs_is_found_by_the_name_of_blender() -> None:
+    assert PAGES[Path("docs/how_to/other_programs.md")].startswith("# Blender")
+
+
+def test_the_concepts_begin_with_a_picture() -> None:
+    page = PAGES[Path("docs/how_it_works/concepts.md")]
+    assert 0 < page.index("<!-- draw ") < min(page.index("```"), page.index("## "))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "<!-- generated " in PAGES[page]], ids=str)
+def test_pages_with_generated_tables_say_where_they_are_built(page: Path) -> None:
+    assert "generated: `make docs` writes the whole page into `build/docs/html`" in PAGES[page]
+
+
 def test_the_documentation_is_short() -> None:
     assert len(PAGES) <= 23
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 95

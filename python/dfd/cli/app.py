@@ -20,7 +20,7 @@ def app(
     field: options.MadeField = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.")] = None,
     sample: Annotated[str | None, Option(metavar="NAME", help="Open a sample: quadruped, chair or robot.")] = None,
-    preset: options.Preset = None,
+    preset: options.PresetOfEdit = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
     port: Annotated[
         int | None, Option(min=0, max=65535, help="The server's port; by default 8765, or a free port if 8765 is used.")

@@ -35,7 +35,7 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: options.Encoder = DEFAULT_ENCODER,
-    preset: options.Preset = None,
+    preset: options.PresetOfEdit = None,
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,

@@ -37,7 +37,7 @@ def deform(
             " by default, the shape's folder. A missing field comes from the cache, or dfd distills it.",
         ),
     ] = None,
-    preset: options.Preset = None,
+    preset: options.PresetOfEdit = None,
     handle: Annotated[
         str | None,
         Option(metavar=options.PLACE, help="The place of a handle, before the options of this handle; repeatable."),

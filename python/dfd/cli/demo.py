@@ -57,6 +57,8 @@ def demo(
     from dfd.views.render import render
 
     chosen = preset or "default"
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"`--output` must be a folder, got the file {output}")
     output.mkdir(parents=True, exist_ok=True)
     rows: list[tuple[str, list[Picture]]] = []
     encoder = load_encoder(DEFAULT_ENCODER, **DistillSettings(preset=chosen).of_encoder())

@@ -51,9 +51,7 @@ class CommandGroup(TyperGroup):
                 # Only usage errors of Typer have this method. The name of their class depends on the version of Typer.
                 if not hasattr(error, "format_message"):
                     raise
-                usage = one_line(error.format_message()).replace("Value error, ", "")
-                command = getattr(getattr(error, "ctx", None), "command_path", "dfd")
-                code = _fail(f"{usage or 'give a command'} (see {command} --help)", BAD_INPUT)
+                code = _fail(_usage(error), BAD_INPUT)
         sys.exit(code if isinstance(code, int) else 0)
 
     def invoke(self, ctx: Any) -> Any:
@@ -69,8 +67,22 @@ class CommandGroup(TyperGroup):
                 raise
             command = self.get_command(ctx, ctx.invoked_subcommand or "")
             raise ValueError(_in_options(function, said, () if command is None else command.params)) from None
+        except Exception as error:
+            if getattr(error, "ctx", ctx) is None:  # the parser does not tell the command whose option lacks a value
+                command = self.get_command(ctx, ctx.invoked_subcommand or "")
+                error.ctx = type(ctx)(command, parent=ctx, info_name=ctx.invoked_subcommand)  # type: ignore[attr-defined]
+            raise
         except KeyboardInterrupt as stop:  # caught here, because Typer's own `main` prints another message
             raise _Interrupted(*stop.args) from None
+
+
+def _usage(error: Any) -> str:
+    """Return one line for a usage error of Typer: what is wrong, the value, and the command whose help to read."""
+    said = one_line(error.format_message()).replace("Value error, ", "") or "give a command"
+    for found in getattr(error.__cause__, "errors", list)():  # pydantic's message does not contain the value
+        said += "" if found["type"] == "value_error" else f", got {found['input']}"
+    command = getattr(getattr(error, "ctx", None), "command_path", "dfd")
+    return f"{said} (see {command} --help)"
 
 
 # Python arguments, and the parameters of commands that set them, if both names differ.

@@ -39,7 +39,7 @@ def export(
     weights: Annotated[
         Path | None, Option(metavar="FILE", help="An .npz or .safetensors file for the weights as arrays.")
     ] = None,
-    preset: options.Preset = None,
+    preset: options.PresetOfEdit = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
     force: Annotated[
         bool, Option("--force", help="Accept a field or an edit of another shape, and an --output that replaces MESH.")

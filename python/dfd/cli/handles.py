@@ -1,5 +1,6 @@
 """Parse several handles on one command line: the options after each `--handle` belong to that handle."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ def _value(flag: str, metavar: str, rest: list[str]) -> str:
     if numbers not in counts and not is_text:
         needed = f"{' or '.join(map(str, sorted(counts)))} numbers" if 3 in counts else "a value"
         got = f"{numbers}: {' '.join(rest[:numbers])}" if numbers else "none"
-        if 3 in counts and numbers < 3 and rest[numbers:] and not rest[numbers].startswith("--"):
+        if 3 in counts and numbers < 3 and rest[numbers:] and not re.match(r"-[-a-z]", rest[numbers]):  # an option
             got += f", and {rest[numbers]} is no number"
         raise ValueError(f"`{flag}` needs {needed}, got {got}")
     value = ",".join(rest[: max(numbers, 1)])

@@ -20,12 +20,10 @@ MadeField = Annotated[
     Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.")
 ]
 Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
-Preset = Annotated[
-    PresetName | None,
-    Option(
-        metavar="default|paper",
-        help="Defaults of all other settings: dfd's or the paper's. If left out, the preset of --edit, else dfd's.",
-    ),
+PRESET = "Defaults of all other settings: dfd's or the paper's. If left out, "
+Preset = Annotated[PresetName | None, Option(metavar="default|paper", help=f"{PRESET}dfd's.")]
+PresetOfEdit = Annotated[
+    PresetName | None, Option(metavar="default|paper", help=f"{PRESET}the preset of --edit, else dfd's.")
 ]
 Fix = Annotated[
     list[str] | None,

@@ -204,7 +204,7 @@ class Deformer(History):
             `open` sets `rotation` and `pivot`.
         name
             The name for display.
-        reach, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
+        reach, level, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
             The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
             With `mask="part"`, the mask is the part at the handle.
 

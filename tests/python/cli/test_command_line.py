@@ -1,6 +1,7 @@
 """Test `dfd` without a specific command: help, errors, exit codes, Ctrl-C."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,8 +10,11 @@ import warnings
 from unittest import mock
 
 import pytest
+import typer
 from command_runs import failed, worked
 from heeding import HEED
+
+from dfd.cli import app as commands
 
 
 @pytest.mark.parametrize(
@@ -55,6 +59,28 @@ def test_help_lists_every_command_and_option(run):
     for command in ("demo", "distill", "deform", "show", "inspect"):
         assert command in result.stdout
         assert worked(run(command, "--help"))
+
+
+def test_help_names_only_options_that_the_command_has():
+    for name, command in typer.main.get_command(commands).commands.items():
+        own = {option for each in command.params for option in (*each.opts, *each.secondary_opts)}
+        texts = [command.help, *(getattr(each, "help", None) for each in command.params)]
+        assert set(re.findall(r"(?<!\S)--[a-z][\w-]*", " ".join(filter(None, texts)))) <= own, name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("inspect", "MESH", "--at", 3), "Option '--at' requires 2 arguments. (see dfd inspect --help)"),
+        (("distill", "MESH", "-o", "f", "--views", "many"), "got many (see dfd distill --help)"),
+        (("app", "MESH", "--port", 99999), "got 99999 (see dfd app --help)"),
+        (("demo", "--preset", "mine"), "'mine' is not one of 'default', 'paper'. (see dfd demo --help)"),
+        (("demo", "-o", "MESH"), "`--output` must be a folder, got the file"),
+        (("defrom", "MESH"), "(see dfd --help)"),
+    ],
+)
+def test_a_usage_error_names_the_value_and_the_command(run, arguments, message):
+    assert failed(run(*arguments), message)
 
 
 def test_control_characters_of_names_do_not_reach_the_terminal(run, chair):

@@ -31,6 +31,10 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--translate", 0, "5cm", 0), "`--translate` needs 3 numbers, got 1: 0, and 5cm is no number"),
         (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
         (("--handle", 1, "--rotate", 90), "`--rotate` needs 3 numbers, got 1: 90"),
+        (
+            ("--handle", 1, "--translate", 0, "-5cm", 0),
+            "`--translate` needs 3 numbers, got 1: 0, and -5cm is no number",
+        ),
         (("--handle", 1, "--handle", 2, "--scale", 0), "`--scale` must not be 0"),
         (("--handle", 1, "--scale", 1, 0, 1), "`--scale` must not be 0"),
         (("--handle", 1, "--scale", 1, 2), "`--scale` needs 1 or 3 numbers, got 2: 1 2"),
@@ -94,6 +98,12 @@ def test_folders_and_formats_of_other_programs_get_advice(run, chair, command):
         run(name, ".", *rest), "`MESH` must be a file, but . is a folder: name one mesh in it, such as one.ply"
     )
     assert failed(run(name, "shape.FBX", *rest), "got shape.FBX: convert it to GLB, for example in Blender")
+
+
+@pytest.mark.parametrize("words", [("--rotate", 90), ("--translate", 90)])
+def test_an_option_after_too_few_numbers_is_no_number(run, words):
+    result = run("deform", "MESH", "--handle", 1, *words, "-o", "out.obj")
+    assert result.stderr == f"dfd: `{words[0]}` needs 3 numbers, got 1: 90\n"
 
 
 def test_deform_wants_something_to_write(run):
