@@ -2,7 +2,7 @@
 
 A handle moves the subtrees of some joints of its rig. A transferred handle is right (correct) if it moves those of the
 same joints of the other rig. Both IoUs must be at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
-the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants from the other families.
+the constants of `dfd.batch.agreement`. To test them, it predicts each family by constants from the other families.
 """
 
 import argparse
@@ -16,8 +16,8 @@ import dfd
 from bench.quality.anatomy import RiggedShape, rigged_shapes
 from bench.quality.measures import soft_iou
 from bench.quality.parts import family_of
+from dfd.batch.agreement import MOVED, differences
 from dfd.common.linear_algebra import Bool, Float64
-from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 

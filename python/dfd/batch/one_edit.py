@@ -11,9 +11,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from dfd.batch.agreement import agreements
 from dfd.common import check
 from dfd.common.files import sha256_of_files
-from dfd.editing.agreement import agreements
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit, read_made_on
@@ -69,7 +69,7 @@ class Carried:
 
     deformer: Deformer  # a session of the other shape with the edit
     # Confidence of each handle and fixed point, 0 to 1, by name. For a handle, it is at most the probability that the
-    # handle moves the same part (`dfd.editing.agreement`). A fixed point's confidence grows with the features' cosine.
+    # handle moves the same part (`dfd.batch.agreement`). A fixed point's confidence grows with the features' cosine.
     confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # with `force`, names whose confidence is below the threshold
 

@@ -14,9 +14,9 @@ from test_sessions import leave, session_of
 
 import dfd
 from dfd.app.options import OpenedFile, SessionOptions
+from dfd.app.session import kept_edits
 from dfd.app.session import session as session_module
 from dfd.app.web.launch import RunningApp
-from dfd.editing import kept_edits
 from dfd.editing.edit_file import read_edit
 
 POSE = {"name": "up", "seconds": 1.0, "transforms": [{"handle": 1, "translation": [0, 1, 0]}]}

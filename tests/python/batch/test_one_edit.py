@@ -7,8 +7,8 @@ import pytest
 from made_field import field_of
 
 import dfd
+from dfd.batch.agreement import agreements, differences
 from dfd.batch.one_edit import Original, UnlikeError, carry
-from dfd.editing.agreement import agreements, differences
 from dfd.editing.transfer import Transferred, transfer
 
 

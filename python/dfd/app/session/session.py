@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
+from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing, quantized
 from dfd.app.session.surface import mesh_message
@@ -24,7 +25,6 @@ from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import MadeOn, read_edit
-from dfd.editing.kept_edits import KeptEdit, find_recent, recent_edits
 from dfd.editing.key_pose import KeyPose
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane

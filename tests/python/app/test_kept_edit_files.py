@@ -7,10 +7,10 @@ import pytest
 from mesh_files import CORNERS, CUBE
 
 import dfd
-from dfd.editing import kept_edits
+from dfd.app.session import kept_edits
+from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import MadeOn, read_edit
-from dfd.editing.kept_edits import KeptEdit, find_recent, recent_edits
 from dfd.editing.points import place_on
 
 CORNER = dfd.Mesh(CORNERS, CUBE)
