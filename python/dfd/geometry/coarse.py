@@ -17,8 +17,7 @@ from dfd.geometry.surface_graph import GAPS, seam_links, surface_graph, surface_
 from dfd.geometry.topology import face_sides, first_at_place, vertex_areas
 from dfd.mesh.mesh import Mesh
 
-MOST_NODES = 20_000  # largest number of vertices of a mesh in which each vertex is a node
-MOST_CLUSTERS = 2 * MOST_NODES  # with more nodes than this, nodes may contain vertices on both sides of a gap
+MOST_NODES = 40_000  # largest number of vertices of a mesh in which each vertex is a node
 CELLS = 100  # number of grid cells along the longest side of the mesh's bounding box
 SHORTEST = 1e-9  # smallest length of an edge, in diagonals, because 0 means no edge to graph algorithms
 RUN = 1 << 17  # number of faces per batch, which limits temporary memory
@@ -72,7 +71,7 @@ class Nodes:
         self.of_vertex = np.arange(count, dtype=np.int32)
         if links is not None:
             self.of_vertex = _clustered(mesh, seams)
-            if self.of_vertex.max() >= MOST_CLUSTERS:  # thousands of leaves, for example
+            if self.of_vertex.max() >= MOST_NODES:  # thousands of leaves, for example
                 self.of_vertex = _clustered(mesh, links)
         size = np.bincount(self.of_vertex)
         self.center = group_sums(self.of_vertex, vertices, len(size)) / size[:, None]

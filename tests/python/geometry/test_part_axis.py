@@ -47,7 +47,7 @@ def test_parameters_are_0_all_along_the_border_however_it_runs(slant):
 
 def test_between_the_nodes_of_a_fine_mesh_parameters_stay_linear():
     """Constant parameters within each node would differ by up to 0.006, and a bend would show steps."""
-    mesh = straight(rings=1201)
+    mesh = straight(rings=2001)
     (axis,) = PartAxes(mesh).of(upper(mesh))
     assert len(mesh.vertices) > MOST_NODES
     inner = (axis.parameter > 0.3) & (axis.parameter < 0.9)
