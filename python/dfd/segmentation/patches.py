@@ -444,9 +444,9 @@ def _farthest_points(points: Float64, first: Sequence[int], near: float, most: i
 def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
     """Return the index of the seed nearest to each place, (M,), along the surface; in space if there is no path."""
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
-    number = np.full(len(center) + 1, -1)
+    number = np.full(len(center), -1)
     number[seeds] = np.arange(len(seeds))
-    found: Int64 = number[np.maximum(source, -1)]
+    found = np.where(source >= 0, number[np.maximum(source, 0)], -1)
     lost = found < 0
     if lost.any():
         found[lost] = cKDTree(center[seeds]).query(center[lost])[1]
