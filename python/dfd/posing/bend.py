@@ -88,7 +88,7 @@ class Sections:
         above = at - self._below
         self._shares = np.stack([1 - above, above], axis=1)  # weights of the two nearest maps of each vertex
         self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32).ravel()
-        self._rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
+        self._rows = 8 * np.arange(len(moving) + 1, dtype=np.int32)
         self._rest = np.full((len(moving), 3), np.nan)  # the positions in the previous call of `move`
         self._products = np.empty(8 * len(moving))  # these positions (x, y, z, 1), multiplied by `_shares`
 
