@@ -58,8 +58,12 @@ def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path: Path, monkeypatc
 
 
 def test_no_file_stays_if_the_field_cannot_be_written(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(path: Path, target: Path) -> None:
-        raise OSError(28, "No space left on device")
+    replace = Path.replace
+
+    def full(path: Path, target: Path) -> Path:
+        if not Path(target).name.startswith("."):
+            raise OSError(28, "No space left on device")
+        return replace(path, target)
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.warns(RuntimeWarning, match="No space left on device"):

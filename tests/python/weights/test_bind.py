@@ -101,7 +101,8 @@ def test_falloff_takes_any_power(locality):
 
 
 def test_no_vertices_and_no_handles():
-    assert dfd.bind(np.zeros((0, 8), np.float32), []).shape == (0, 0)
+    for dimension in (0, 8):
+        assert dfd.bind(np.zeros((0, dimension), np.float32), []).shape == (0, 0)
     assert dfd.bind(unit_rows(5, 8), []).shape == (5, 0)
     assert dfd.bind(unit_rows(1, 8), [0]).tolist() == [[1.0]]
     np.testing.assert_array_equal(dfd.bind(unit_rows(5, 8), [0], fixed=[]), dfd.bind(unit_rows(5, 8), [0]))

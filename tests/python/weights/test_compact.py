@@ -47,6 +47,13 @@ def test_features_that_lie_far_from_0_take_no_more_memory(tolerance):
     assert far.nbytes == dfd.compact(FEATURES, tolerance=tolerance).nbytes
 
 
+def test_features_with_large_numbers_are_compact_where_8_bits_are_enough():
+    clusters = np.repeat(1e6 * np.eye(4, 8, dtype=np.float32), 50, axis=0)
+    compact = dfd.compact(clusters, tolerance=0.05)
+    assert compact.precision == "int8"
+    np.testing.assert_array_equal(dfd.bind(compact, [0])[:, 0] > 0, np.arange(200) < 50)
+
+
 @pytest.fixture(scope="module", params=["int8", "float16"])
 def compact(request):
     result = dfd.compact(FEATURES, tolerance={"int8": 0.05, "float16": 0.002}[request.param])
