@@ -115,6 +115,14 @@ def test_the_largest_stretch_is_that_of_moved_edges_that_are_not_tiny():
     assert largest_stretch(corners, 4 * corners + 0.5, faces) == pytest.approx(4)
 
 
+@pytest.mark.parametrize(("scale", "mentioned"), [(1.04, False), (1.06, True), (1.5, True)])
+def test_edges_that_become_longer_by_five_percent_are_mentioned(deformer, scale, mentioned):
+    deformer.add("y>-1", scale=scale, reach=2.0, falloff="constant", counterparts="only")
+    report = deformer.report()
+    assert report.stretch == pytest.approx(scale)
+    assert (f"stretched edges up to {scale:.1f} times" in str(report)) == mentioned
+
+
 def test_the_level_with_an_axis_is_the_nearest_of_all(quadruped_sample):
     mesh, labels = quadruped_sample.mesh, quadruped_sample.labels
     given = dfd.Deformer(mesh, dfd.VertexField(mesh, np.eye(len(quadruped_sample.parts), dtype=np.float32)[labels]))
