@@ -83,3 +83,13 @@ def test_steps_inside_steps_are_part_of_the_outer_one():
             history._record(third)
     history.undo()
     assert history.edit == first
+
+
+@pytest.mark.parametrize("verb", ["move", "bend", "twist"])
+@pytest.mark.parametrize(("how", "steps"), [({}, 3), ({"merge": True}, 2)])
+def test_steps_are_merged_only_on_request(deformer, verb, how, steps):
+    handle = deformer.add(5)
+    for amount in (10, 20):
+        given = {"scale": amount} if verb == "move" else {"angle": amount}
+        getattr(deformer, verb)(handle, **given, **how)
+    assert sum(iter(deformer.undo, False)) == steps

@@ -67,9 +67,10 @@ def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
     standing = moved(mesh, 1, -np.array([0, mesh.bounds[0, 1], 0]) / max(mesh.extents))
     ground = made_field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
     dfd.Deformer(standing, ground)
-    lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
-    with pytest.warns(UserWarning, match="weights beyond that shape's box are extrapolated"):
-        dfd.Deformer(lying, ground)
+    for side in (-1, 1):
+        lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, -side], [0, side, 0]], mesh.faces)
+        with pytest.warns(UserWarning, match="weights beyond that shape's box are extrapolated"):
+            dfd.Deformer(lying, ground)
 
 
 def test_a_field_in_a_file_is_refused_for_another_shape_unless_it_is_wanted(mesh, field, tmp_path):

@@ -47,6 +47,11 @@ def test_features_that_lie_far_from_0_take_no_more_memory(tolerance):
     assert far.nbytes == dfd.compact(FEATURES, tolerance=tolerance).nbytes
 
 
+def test_equal_features_have_the_weight_1_everywhere():
+    compact = dfd.compact(np.tile(FEATURES[:1], (50, 1)))
+    np.testing.assert_allclose(dfd.bind(compact, [3]), 1, atol=0.01)
+
+
 def test_features_with_large_numbers_are_compact_where_8_bits_are_enough():
     clusters = np.repeat(1e6 * np.eye(4, 8, dtype=np.float32), 50, axis=0)
     compact = dfd.compact(clusters, tolerance=0.05)
