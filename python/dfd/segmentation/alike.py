@@ -4,9 +4,10 @@ import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.segmentation.choose import CLEAR, closed
+from dfd.segmentation.patches import TINY
 from dfd.segmentation.trees import Trees
 
-MOST = 64  # largest number of components of a part
+MOST = 64  # largest number of components of a part, because each needs a column of weights
 # Two regions are alike if their squared distance is below 1. It adds the squares of the distance between their mean
 # features, in units of APART times the distance between the part and the patches around it, and of the logarithms of
 # six ratios, in units of log(SIMILAR): of the areas, of the lengths of the borders, of their strengths, and of the
@@ -47,7 +48,7 @@ def _resembling(trees: Trees, core: Bool, own: Float64, taken: Bool) -> list[Boo
     `own` are the `_measures` of `core`.
     """
     around, apart = trees.around(core), np.linalg.norm(trees.means - trees.mean(core), axis=1)
-    looks = np.square(apart / max(APART * trees.contrast(core), 1e-9))
+    looks = np.square(apart / max(APART * trees.contrast(core), TINY))
     near = (looks < 1) & (apart < RANDOM) & (trees.areas >= trees.patches.area @ core / SIMILAR)
     near &= ~(trees.inside & (taken | around)).any(axis=1)  # what touches the part is beside it, and no counterpart
     found: list[tuple[float, int, Bool]] = []
@@ -65,7 +66,7 @@ def _measures(trees: Trees, region: Bool) -> Float64:
     area, center = patches.area[region], patches.center[region]
     apart = center - area @ center / area.sum()
     extents = np.sqrt(np.linalg.eigvalsh((apart * area[:, None]).T @ apart / area.sum()).clip(0.0))
-    return np.log(np.array([area.sum(), length, trees.boundary(region) + CLEAR, *(extents + patches.spacing)]) + 1e-9)
+    return np.log(np.array([area.sum(), length, trees.boundary(region) + CLEAR, *(extents + patches.spacing)]) + TINY)
 
 
 def _apart(one: Float64, other: Float64) -> float:

@@ -5,12 +5,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
 from dfd.common.linear_algebra import Bool
-from dfd.segmentation.patches import Patches
+from dfd.segmentation.patches import TINY, Patches
 from dfd.segmentation.trees import CREASE
 
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
-COST_SCALE = 1e6  # integer cost of a flat border of length 1 (`Patches`)
-LARGEST_COST = 2**28  # largest integer cost, to prevent overflow of 32-bit sums
+LARGEST_COST = 2**20  # integer cost of the most expensive border; sums of costs fit into 32 bits
 
 
 def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
@@ -40,10 +39,11 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
     touched = free[one] | free[other]
-    cost = COST_SCALE * borders.length[touched] * np.exp(-borders.concavity[touched].clip(0) / CREASE) + 1
+    cost = borders.length[touched] * np.exp(-borders.concavity[touched].clip(0) / CREASE)
+    cost = 1 + LARGEST_COST * cost / max(cost.max(initial=0.0), TINY)
     ends = number[borders.pairs[touched]]
     ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(cost, 2)
-    graph = csr_array((capacity.clip(0, LARGEST_COST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
+    graph = csr_array((capacity.astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
     left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
     left.data[left.data < 0] = 0
     left.eliminate_zeros()

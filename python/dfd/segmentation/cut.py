@@ -6,12 +6,12 @@ from scipy.sparse.csgraph import dijkstra
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.alike import alike
 from dfd.segmentation.choose import candidates, ladder
+from dfd.segmentation.patches import ACROSS, TINY
 from dfd.segmentation.trees import Trees
 
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
-FAR = 1e3  # more than the distance of any patch from its own part
 
 
 def cut_labels(trees: Trees) -> Int64:
@@ -49,7 +49,7 @@ def _nearest(trees: Trees, handles: Int64, of_handle: Int64, groups: list[list[B
             if not (component & taken).any() or (component & starts).any():
                 starts |= component & ~taken
         apart = dijkstra(trees.links, indices=np.flatnonzero(starts), min_only=True)
-        apart[~np.any(group, axis=0)] += FAR
+        apart[~np.any(group, axis=0)] += ACROSS
         nearer = apart < best
         label[nearer], best[nearer] = number, apart[nearer]
     return label
@@ -69,5 +69,5 @@ def _without_fragments(trees: Trees, label: Int64) -> Int64:
         between = (ends == small).any(axis=1) & (ends[:, 0] != ends[:, 1])
         if between.any():
             beside = ends[between].sum(axis=1) - small
-            label[label == small] = np.bincount(beside, patches.borders.length[between] + 1e-9).argmax()
+            label[label == small] = np.bincount(beside, patches.borders.length[between] + TINY).argmax()
     return label

@@ -32,6 +32,7 @@ UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose
 MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
 SAME = 1e-5  # two places are exact mirror images up to this distance
 GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
+TINY = 1e-9  # replaces lengths, areas and distances of 0, such as the length of a border across a small gap
 ACROSS = (
     1e3  # added to distances between two things of the file, so that a patch belongs to one thing; more than any path
 )
@@ -72,7 +73,7 @@ class Borders:
         self.pairs, self.length = pairs, length
         one, other = pairs.T
         across = center[other] - center[one]
-        self.apart = np.maximum(np.linalg.norm(across, axis=1), 1e-9)
+        self.apart = np.maximum(np.linalg.norm(across, axis=1), TINY)
         self.concavity = ((normal[one] - normal[other]) * across).sum(axis=1) / self.apart
         self.concavity[length == 0] = BRIDGE
 
@@ -158,7 +159,7 @@ class Patches:
         nearest = _nearest_seed(_divided(graph, things), seeds, center)
         of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
         self.of_place, of_piece, owned = _pieces(of_seed, things, area)
-        self.things, count, weight = owned.T, len(owned), np.maximum(area, 1e-9)
+        self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
         self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
         own = (self.area * weight.sum())[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own

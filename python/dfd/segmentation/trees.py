@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, group_sums, principal_directions
-from dfd.segmentation.patches import Patches
+from dfd.segmentation.patches import TINY, Patches
 
 DIMENSIONS = 24  # number of principal components of the features that are kept; the others are noise
 DIFFUSION = 0.005  # area over which features are smoothed, as a share of the surface
@@ -25,8 +25,6 @@ ROUNDS = 3  # rounds of smoothing; each computes the rates from the features tha
 BIAS, CONCAVE = -2.8, 6.0  # the strength of a boundary is the logistic function of BIAS + CONCAVE × concavity
 FEATURES = (0.3, 0.6, 1.2)  # weights of the distance of the regions' mean features, one for each tree
 SMALLEST = 0.001  # smallest area of a region, as a share of the surface
-LEAST_PATCH = 1e-9  # smallest area of a patch in the smoothing, as a share of the surface
-SHORTEST = 1e-9  # length of a boundary across a small gap
 
 
 class Trees:
@@ -62,7 +60,7 @@ class Trees:
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
         smooth = smoothed(patches, features)
         spread = float(np.sqrt(patches.area @ np.square(smooth - patches.area @ smooth).sum(axis=1)))
-        self.values = smooth / max(spread, 1e-9)
+        self.values = smooth / max(spread, TINY)
         one, other = patches.borders.pairs.T
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * patches.borders.concavity.clip(0.0, 1.0)))
@@ -96,7 +94,7 @@ class Trees:
         large = np.flatnonzero(along[start + size] - along[start] >= SMALLEST)
         place = start[:leaves] - start[large, None]
         inside = (place >= 0) & (place < size[large, None])
-        return inside, np.asarray(((limit - height) / np.maximum(limit, 1e-9))[large], np.float64)
+        return inside, np.asarray(((limit - height) / np.maximum(limit, TINY))[large], np.float64)
 
     @cached_property
     def areas(self) -> Float64:
@@ -127,7 +125,7 @@ class Trees:
         """Return the borders (C,) between a region (P,) and its surroundings, and their lengths (C,)."""
         one, other = self._ends
         crossing = np.flatnonzero(region[one] != region[other])
-        return crossing, np.maximum(self.patches.borders.length[crossing], SHORTEST)
+        return crossing, np.maximum(self.patches.borders.length[crossing], TINY)
 
     def around(self, region: Bool) -> Bool:
         """Return the patches beside `region` (P,), (P,) bool."""
@@ -206,7 +204,7 @@ class Trees:
         borders = self.patches.borders
         ends = self.patches.orbit[borders.pairs]
         apart = ends[:, 0] != ends[:, 1]
-        length = np.maximum(borders.length[apart], SHORTEST)
+        length = np.maximum(borders.length[apart], TINY)
         key, which = np.unique(np.sort(ends[apart], axis=1) @ [leaves, 1], return_inverse=True)
         lengths, totals = np.bincount(which, length), np.bincount(which, length * self.strength[apart])
         beside: list[dict[int, tuple[float, float]]] = [{} for _ in range(leaves)]
@@ -246,7 +244,7 @@ def smoothed(patches: Patches, features: Float64) -> Float64:
     detection using anisotropic diffusion", 1990. Here, the conductance (the rate of smoothing across a border) also
     decreases with concavity. Each round is one implicit time step.
     """
-    borders, area = patches.borders, diags_array(np.maximum(patches.area, LEAST_PATCH))
+    borders, area = patches.borders, diags_array(np.maximum(patches.area, TINY))
     values = features - patches.area @ features
     values = values @ principal_directions(values, DIMENSIONS).T
     by_crease = borders.length / borders.apart * np.exp(-borders.concavity.clip(0) / CREASE)

@@ -169,17 +169,3 @@ def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     assert [each.vertex for each in clustered] == [each.vertex for each in exact]
     np.testing.assert_allclose(clustered_shares.sum(axis=0), 1, atol=1e-5)
     assert np.abs(clustered_shares - shares).mean() < 0.04
-
-
-def test_only_the_most_similar_of_thousands_of_components_are_counterparts():
-    generator = np.random.default_rng(0)
-    middles = generator.random((12_000, 1, 3)) * 100
-    vertices = (middles + generator.random((12_000, 3, 3)) * 1e-3).reshape(-1, 3)
-    mesh = Mesh(vertices, np.arange(36_000).reshape(-1, 3))
-    weights = np.repeat(generator.uniform(0.1, 0.9, 12_000), 3).astype(np.float32)
-    weights[:3] = 1
-    nodes = nodes_of(mesh)
-    component = np.arange(len(nodes.center))
-    found = find(mesh, weights, 0, component)
-    assert len(found) == counterparts.MOST_COUNTERPARTS
-    assert np.array_equal(found[0].position, mesh.vertices[0])

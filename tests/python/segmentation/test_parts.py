@@ -303,3 +303,11 @@ def test_things_of_the_file_are_the_part_or_one_level_away(tmp_path):
             near = range(max(lowest, -1), min(highest, 1) + 1)
             found = [parts.part(vertex, level, alike=name == "eyes").vertices for level in near]
             assert any(np.array_equal(each, own) for each in found), (name, vertex)
+
+
+def test_a_part_has_at_most_64_components():
+    ball, moved = trimesh.creation.icosphere(subdivisions=1), trimesh.transformations.translation_matrix
+    balls = [ball.copy().apply_transform(moved((4 * x, 4 * y, 0))) for x in range(10) for y in range(8)]
+    whole = trimesh.util.concatenate(balls)
+    parts = Parts(dfd.Mesh(whole.vertices, whole.faces), lambda vertices: np.ones((len(vertices), 4), np.float32))
+    assert {parts.part(vertex).components for vertex in (0, 999)} == {64}

@@ -18,7 +18,6 @@ from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
-MOST_COUNTERPARTS = 64  # the largest number of counterparts of a handle, because each needs a column of weights
 # If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
 SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
 SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
@@ -72,7 +71,7 @@ def find_counterparts(
     best = np.full(component.max() + 2, -1.0)  # the last entry is for nodes outside the part
     np.maximum.at(best, component, on_nodes)
     best[[0, -1]] = -1.0
-    others = np.argsort(-best, kind="stable")[: min(MOST_COUNTERPARTS - 1, int((best >= 0).sum()))].tolist()
+    others = np.argsort(-best, kind="stable")[: int((best >= 0).sum())].tolist()
     found[0] = replace(found[0], weight=float(weights[vertex]))
     surfaces = _surfaces(mesh, component[nodes.of_vertex], [0, *others])
     for index, number in enumerate(others, 1):

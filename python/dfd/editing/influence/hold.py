@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
-from dfd.editing.influence.counterparts import MOST_COUNTERPARTS, Counterpart, find_counterparts, shares_everywhere
+from dfd.editing.influence.counterparts import Counterpart, find_counterparts, shares_everywhere
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
@@ -116,7 +116,7 @@ def joined(nodes: Nodes, component: Int64) -> Int64:
     centers = np.array([nodes.center[each].mean(axis=0) for each in members])
     of_mesh = np.array([nodes.component[each[0]] for each in members])
     alone = np.ones(len(members), bool)
-    for rank, each in enumerate(members[:MOST_COUNTERPARTS]):
+    for rank, each in enumerate(members):
         if alone[rank]:
             alone[rank] = False
             joins = alone & (of_mesh != of_mesh[rank]) & _in_box(nodes.center[each], centers)
