@@ -18,7 +18,7 @@ from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.mesh.mesh import Mesh
 from dfd.posing.bend import Sections, bend_maps, turn_maps
-from dfd.posing.transforms import PivotAt, Transform, Vector, frame_of_normal, vector
+from dfd.posing.transforms import PivotAt, Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 PART_THRESHOLD = 0.5  # the held part consists of the vertices with at least this fraction of the largest weight
@@ -168,23 +168,12 @@ def _as_image(axis: PartAxis, own: PartAxis, isometry: Float64) -> tuple[PartAxi
 def _turn(one: Float64, other: Float64) -> Float64:
     """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, horizontal normals stay horizontal."""
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
-        return _shortest_turn(one, other)
+        return np.asarray(Rotation.align_vectors(other, one)[0].as_matrix(), np.float64)
     frames = []
     for direction in (one, other):
         across = unit(np.cross(direction, UP)[None])[0]
         frames.append(np.stack([direction, across, np.cross(direction, across)], axis=1))
     return frames[1] @ frames[0].T
-
-
-def _shortest_turn(one: Float64, other: Float64) -> Float64:
-    """Return the smallest rotation (3, 3) of the unit vector `one` (3,) onto `other` (3,)."""
-    across = np.cross(one, other)
-    sine, cosine = float(np.linalg.norm(across)), float(one @ other)
-    if sine < 1e-9:
-        # For equal or opposite vectors, the axis is perpendicular to `one`, and near y unless `one` is upright.
-        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else UP
-        across, sine = across - (across @ one) * one, 0.0
-    return Rotation.from_rotvec(across / np.linalg.norm(across) * np.arctan2(sine, cosine)).as_matrix()
 
 
 def bend_vector(part: BendablePart, angle: float, towards: Any = None) -> Vector:
