@@ -107,6 +107,11 @@ def test_a_symmetric_edit_of_a_symmetric_shape_is_symmetric(mesh, field):
     assert np.abs(deformer.vertices - mesh.vertices)[mesh.vertices[:, 0] < 0].max() > 0.05
 
 
+def test_a_plane_beside_the_shape_is_refused(deformer):
+    with pytest.raises(ValueError, match="Deformer.set_symmetry: `plane` must cut the shape, but all vertices lie"):
+        deformer.set_symmetry("x=100")
+
+
 def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
     planes = [SymmetryPlane((0.0, 0.6, 0.8), 0.5, 0.02, band=0.1), SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05)]
     with mock.patch("dfd.editing.edit.symmetry_planes", return_value=planes):
