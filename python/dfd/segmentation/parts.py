@@ -66,7 +66,8 @@ class Parts:
             A vertex index, or a point (3,) in mesh units, which stands for the nearest vertex.
         level
             0 is the part that a user most likely means. −1, −2, … are smaller parts inside it, and 1, 2, … are larger
-            parts that contain it. A level beyond the smallest or the largest part stands for that part.
+            parts that contain it. The next smaller and the next larger component, object or material of the file are
+            the levels −1 and 1. A level beyond the smallest or the largest part stands for that part.
         alike
             Whether the part includes its counterparts, such as the other legs. False gives one component.
 

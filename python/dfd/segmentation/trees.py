@@ -10,7 +10,7 @@ import heapq
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 import dfd._core as _core
@@ -222,12 +222,10 @@ def _things(patches: Patches) -> Bool:
     found = [np.zeros((0, len(patches.area)), bool)]
     for label in patches.things:
         number = np.unique(label, return_inverse=True)[1]
-        count, size = int(number.max()) + 1, np.bincount(number, patches.area)
-        in_orbits = np.zeros((count, int(patches.orbit.max()) + 1), bool)
-        in_orbits[number, patches.orbit] = True
-        shared = np.stack([np.bincount(number, patches.area * row[patches.orbit], count) / size for row in in_orbits])
-        mirrored = (shared > 0.5) & (shared.T > 0.5)
-        rows = mirrored[:, number]
+        in_orbit = csr_array((patches.area, (number, patches.orbit)))  # area of each thing in each orbit
+        size = np.asarray(in_orbit.sum(axis=1)).ravel()
+        most = diags_array(1 / size) @ in_orbit @ (in_orbit > 0).T.astype(np.float64) > 0.5
+        rows = most.multiply(most.T).tocsr()[:, number].toarray()
         found.append(rows[~rows.all(axis=1)])
     return np.concatenate(found)
 
