@@ -166,7 +166,12 @@ def _as_image(axis: PartAxis, own: PartAxis, isometry: Float64) -> tuple[PartAxi
 
 
 def _turn(one: Float64, other: Float64) -> Float64:
-    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, horizontal normals stay horizontal."""
+    """Return a rotation (3, 3) of `one` onto `other`. If neither is upright, horizontal normals stay horizontal.
+
+    The result is the identity if one of them is 0, because the axis of a damaged part can have no length.
+    """
+    if not (one.any() and other.any()):
+        return np.eye(3)
     if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
         return np.asarray(Rotation.align_vectors(other, one)[0].as_matrix(), np.float64)
     frames = []
