@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -164,10 +164,14 @@ class AnyRow(dict):
         return self[name]
 
 
-@cache
-def random_tables() -> list[list[AnyRow]]:
-    """Return tables with a row for each method, variant and size that a claim may name."""
-    return [random_table(np.random.default_rng(seed)) for seed in range(100)]
+def random_tables() -> Iterator[list[AnyRow]]:
+    """Yield tables with a row for each method, variant and size that a claim may name.
+
+    Rows draw a number when a claim first asks for it. So each test makes its own tables: then its result does not
+    depend on the tests before it.
+    """
+    for seed in range(100):
+        yield random_table(np.random.default_rng(seed))
 
 
 def random_table(random: np.random.Generator) -> list[AnyRow]:
