@@ -34,9 +34,8 @@ std::vector<Row> rows_of(const std::optional<Array>& array)
 }
 
 template <class T>
-void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms,
-          std::optional<Polars> polar, Transform rest,
-          std::optional<Plane> plane, std::optional<InputVector<bool>> positive,
+void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, std::optional<Polars> polar,
+          Transform rest, std::optional<Plane> plane, std::optional<InputVector<bool>> positive,
           std::optional<InputMatrix<double>> places, std::optional<InputMatrix<double>> mixing, int overlap,
           int blend, std::optional<InputMatrix<T>> base,
           std::optional<InputMatrix<T>> normals, OutputMatrix<T> out, std::optional<OutputMatrix<T>> out_normals,
@@ -68,8 +67,8 @@ template <class T>
 void define_pose(nb::module_& m)
 {
     m.def("pose", &pose<T>, "vertices"_a.noconvert(), "weights"_a.noconvert(), "transforms"_a.noconvert(),
-          "polar"_a.noconvert().none(), "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "places"_a.noconvert().none(),
-          "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
+          "polar"_a.noconvert().none(), "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(),
+          "places"_a.noconvert().none(), "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
           "Move `vertices` (V, 3) by `transforms` (H, 3, 4) as in Eq. 1 and 8, and write the result to `out` (V, 3). "
           "If `mixing` (H, H) is given, `weights` · `mixing` replaces `weights` (V, H).");

@@ -190,6 +190,16 @@ def _spread(values: Int64) -> Int64:
     return values
 
 
+def scene_parts_and_materials(mesh: Mesh) -> Int64:
+    """Return the index of the scene part (`Mesh.parts`) and of the material of each face, (2, F)."""
+    labels = np.zeros((2, len(mesh.faces)), np.int64)
+    for number, part in enumerate(mesh.parts):
+        labels[0, part.faces] = number
+    if mesh.appearance is not None:
+        labels[1] = mesh.appearance.face_material
+    return labels
+
+
 def even_points(vertices: NDArray[np.floating], faces: Int32, count: int) -> tuple[Int32, Float32]:
     """Spread points evenly on `faces` (F, 3). Return the corners (count, 3) of their faces, and barycentric rows."""
     order = by_position(vertices, faces)

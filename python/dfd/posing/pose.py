@@ -310,7 +310,7 @@ def _rule(
 
 def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
     """Return the polar decompositions (H + 1, 10) of `transforms` (H, 3, 4) and D₀; None if the blend is linear."""
-    if get_args(Blend)[rule.blend] == "linear":
+    if rule.places is None:
         return None
     return polar_decomposition(np.concatenate([transforms, rule.rest[np.newaxis]])[:, :, :3])
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
-from dfd.geometry.topology import first_at_place, vertex_areas
+from dfd.geometry.topology import first_at_place, scene_parts_and_materials, vertex_areas
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -117,7 +117,7 @@ class Patches:
     orbit
         (P,) the orbit of each patch: the patches that reflections in the planes of symmetry map onto each other.
     things
-        (K, P) the thing of the file to which each patch belongs, for each of K kinds (`_things`).
+        (K, P) the thing of the file to which each patch belongs, for each of K kinds (`_things_of_places`).
 
     Raises ValueError if no face of the mesh has an area.
     """
@@ -129,7 +129,9 @@ class Patches:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
         graph, center, normal = self._find_places(mesh, faces)
-        self._find_patches(graph, center, normal, planes, _things(mesh, self.nodes, self.place, self.node_of_place))
+        self._find_patches(
+            graph, center, normal, planes, _things_of_places(mesh, self.nodes, self.place, self.node_of_place)
+        )
 
     def _find_places(self, mesh: Mesh, faces: Int32) -> tuple[csr_array, Float64, Float64]:
         """Set the attributes of places. Return their distances (M, M), centers (M, 3) and mean normals (M, 3)."""
@@ -158,12 +160,12 @@ class Patches:
         seeds, orbit = _orbits(places, tree, self.spacing, mirrors)
         nearest = _nearest_seed(_divided(graph, things), seeds, center)
         of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
-        self.of_place, of_piece, owned = _pieces(of_seed, things, area)
+        self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
         self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
         own = (self.area * weight.sum())[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
-        self.orbit = _orbits_of_pieces(orbit, of_piece, self.center, self.spacing, mirrors)
+        self.orbit = _orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_place, normal, count) / own
         joined, length = _contracted(self.of_place, borders.pairs, borders.length, count)
@@ -223,23 +225,19 @@ def _central_vertices(mesh: Mesh, nodes: Nodes, size: float) -> Int64:
     return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
 
 
-def _things(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int64) -> Int64:
+def _things_of_places(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int64) -> Int64:
     """Return the things of the file to which each place belongs, (M, K), for those kinds that have several things.
 
     The kinds are connected components, named objects (`Mesh.parts`) and materials. A place of several things belongs to
     the last one in the file.
     """
-    of_face = np.zeros((2, len(mesh.faces)), np.int64)
-    for number, part in enumerate(mesh.parts):
-        of_face[0, part.faces] = number
-    if mesh.appearance is not None:
-        of_face[1] = mesh.appearance.face_material
     kinds = [nodes.component[node_of_place].astype(np.int64)]
-    for labels in of_face:
+    for labels in scene_parts_and_materials(mesh):
         if labels.any():
             kinds.append(np.zeros(len(node_of_place), np.int64))
             np.maximum.at(kinds[-1], place[nodes.of_vertex[mesh.faces]], labels[:, None])
-    return np.stack([kind for kind in kinds if kind.min() < kind.max()] or [np.zeros(len(node_of_place), np.int64)], 1)
+    several = [kind for kind in kinds if kind.min() < kind.max()]
+    return np.array(several, np.int64).reshape(-1, len(node_of_place)).T
 
 
 def _divided(graph: csr_array, things: Int64) -> csr_array:
@@ -262,21 +260,21 @@ def _pieces(of_seed: Int64, things: Int64, area: Float64) -> tuple[Int64, Int64,
     others = np.setdiff1d(order, largest)
     others = others[np.argsort(-size[others], kind="stable")][: max(MOST - len(largest), 0)]
     kept = np.concatenate([largest, others])
-    number = np.arange(len(largest))[np.searchsorted(rows[largest, 0], rows[:, 0])]
+    number = np.searchsorted(rows[largest, 0], rows[:, 0])
     number[others] = np.arange(len(largest), len(kept))
     seed = np.concatenate([rows[largest, 0], np.full(len(others), -1)])
     return number[of_place.ravel()], seed, rows[kept, 1:]
 
 
-def _orbits_of_pieces(
-    orbit: Int64, of_piece: Int64, center: Float64, spacing: float, mirrors: Sequence[Mirror]
+def _orbits_of_patches(
+    orbit: Int64, seed_of_patch: Int64, center: Float64, spacing: float, mirrors: Sequence[Mirror]
 ) -> Int64:
-    """Return the orbit (P,) of each patch. `orbit` (S,) are those of seeds. `of_piece` (P,) is the seed of each patch.
+    """Return the orbit (P,) of each patch, from the orbits (S,) of seeds and the seed (P,) of each patch, or −1.
 
     A patch without a seed has the orbit of the patches that are mirror images of it.
     """
-    alone = np.flatnonzero(of_piece < 0)
-    found = np.append(orbit, 0)[of_piece]
+    alone = np.flatnonzero(seed_of_patch < 0)
+    found = np.append(orbit, 0)[seed_of_patch]
     if len(alone):
         tree, pairs = cKDTree(center[alone]), [np.zeros((2, 0), np.int64)]
         for mirror in mirrors:

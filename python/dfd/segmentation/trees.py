@@ -65,7 +65,7 @@ class Trees:
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * patches.borders.concavity.clip(0.0, 1.0)))
         found = [self._tree(weight) for weight in FEATURES]
-        inside = np.concatenate([*(nodes[:, patches.orbit] for nodes, _ in found), _things(patches)])
+        inside = np.concatenate([*(nodes[:, patches.orbit] for nodes, _ in found), _regions_of_things(patches)])
         persistence = np.concatenate([each for _, each in found])
         bits = np.packbits(inside, axis=1)
         first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
@@ -214,7 +214,7 @@ class Trees:
         return beside
 
 
-def _things(patches: Patches) -> Bool:
+def _regions_of_things(patches: Patches) -> Bool:
     """Return the patches (U, P) of each thing of the file and of its mirror images, without the whole shape.
 
     Two things are mirror images if most of the area of each is in the orbits of the other.

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.messages import LadderStep, PartChange
-from dfd.common.linear_algebra import Bool, Int64
+from dfd.common.linear_algebra import Bool
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.regions import VertexSet, members
 from dfd.editing.verbs import next_level
 from dfd.geometry.coarse import nodes_of
+from dfd.geometry.topology import scene_parts_and_materials
 
 SAME = 0.98  # two parts count as one if they share at least this fraction of the mesh nodes that either contains
 MOST_KEPT = 64  # largest number of parts in the cache
@@ -37,10 +38,7 @@ class ShapeParts:
     def _labels(self) -> dict[PartChange, NDArray[np.integer[Any]]]:
         """Return the indices of each face's scene part, material and connected component, as three arrays (F,)."""
         mesh, nodes = self._mesh, nodes_of(self._mesh)
-        scene_part = np.zeros(len(mesh.faces), np.int64)
-        for number, part in enumerate(mesh.parts):
-            scene_part[part.faces] = number
-        material = mesh.appearance.face_material if mesh.appearance is not None else np.zeros_like(scene_part)
+        scene_part, material = scene_parts_and_materials(mesh)
         return {
             "scene_part": scene_part,
             "material": material,
@@ -55,9 +53,11 @@ class ShapeParts:
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
         """Return the parts at a vertex from the smallest to the largest, one for each level."""
         lowest, highest = self._deformer.bound.parts.levels(vertex)
-        return tuple(self._step(vertex, level) for level in range(lowest, highest + 1))
+        scene_part = self._scene_part(vertex)
+        return tuple(self._step(vertex, level, *scene_part) for level in range(lowest, highest + 1))
 
-    def _step(self, vertex: int, level: int) -> LadderStep:
+    def _step(self, vertex: int, level: int, name: str, own: Bool) -> LadderStep:
+        """Return the part of a level. `name` and `own` (N,) are the result of `_scene_part`."""
         parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
         component = parts.components(vertex, level)
         found = component is not None
@@ -69,26 +69,20 @@ class ShapeParts:
         size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
         alike = f"{count} alike, " if count > 1 else ""
         whole = bool(inside[nodes.used].all())
-        text = "the whole shape" if whole else f"{self._name(vertex, component)}{alike}{size} % of the surface"
+        same = any((own & part).sum() >= SAME * (own | part).sum() for part in (component == 0, inside))
+        named = f"{name}, " if name and same else ""
+        text = "the whole shape" if whole else f"{named}{alike}{size} % of the surface"
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
         leaves = not held[nodes.graph[inside].indices].all()
         return LadderStep(level=level, text=text, found=found or whole, leaves=leaves)
 
-    def _name(self, vertex: int, component: Int64) -> str:
-        """Return the name of the scene part at a vertex, and a comma, if it is a held part; "" otherwise.
-
-        `component` (N,) is the result of `Parts.components`.
-        """
-        name, own = self._scene_part(vertex)
-        same = any((own & held).sum() >= SAME * (own | held).sum() for held in (component == 0, component >= 0) if name)
-        return f"{name}, " if same else ""
-
     def _scene_part(self, vertex: int) -> tuple[str, Bool]:
         """Return the name of the scene part at a vertex, empty if there is only one, and its mesh nodes (N,)."""
         nodes, mesh = nodes_of(self._mesh), self._mesh
-        own, on = np.zeros(len(nodes.component), bool), np.flatnonzero((mesh.faces == vertex).any(axis=1))
-        if len(mesh.parts) == 1 or len(on) == 0:
+        own = np.zeros(len(nodes.component), bool)
+        on = np.flatnonzero((mesh.faces == vertex).any(axis=1)) if len(mesh.parts) > 1 else np.empty(0, np.int64)
+        if len(on) == 0:
             return "", own
         part = mesh.parts[int(self._labels["scene_part"][on[0]])]
         own[nodes.of_vertex[part.vertices]] = True
