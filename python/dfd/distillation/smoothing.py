@@ -38,7 +38,7 @@ from dfd.common.threads import one_blas_thread, parallel_ranges
 from dfd.common.weld import weld
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
 from dfd.field.component_residuals import apart, boxes_of_components
-from dfd.geometry.topology import face_areas, face_components, sample_surface
+from dfd.geometry.topology import are_distinct, face_areas, face_components, sample_surface
 from dfd.views.render import Views, used_vertices
 
 if TYPE_CHECKING:  # scipy.sparse.linalg loads slowly, so `_factors` loads it on another thread while the encoder runs
@@ -93,9 +93,10 @@ def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: in
     """
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
-    component = face_components(weld(vertices)[1][faces])
+    welded = weld(vertices)[1][faces]
+    component = face_components(welded)
     points, face = sample_surface(vertices, faces, SURFACE_SAMPLES, generator)
-    area = float(np.cumsum(face_areas(vertices, faces))[-1]) / SURFACE_SAMPLES
+    area = float(np.cumsum(face_areas(vertices, faces[are_distinct(welded)]))[-1]) / SURFACE_SAMPLES
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
         chosen = np.sort(generator.choice(len(chosen), MAX_PIXELS, replace=False))

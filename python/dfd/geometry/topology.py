@@ -54,7 +54,6 @@ def inspect(mesh: Mesh) -> Topology:
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
     uses = np.bincount(distinct_pairs(face_sides(proper), len(mesh.vertices))[1])  # number of faces of each edge
-    distinct_faces = weld(np.sort(faces, axis=1).astype(np.float64))[0]
     look = mesh.appearance
     textures = {id(each.texture) for each in look.materials if each.texture is not None} if look else set()
     return Topology(
@@ -64,7 +63,7 @@ def inspect(mesh: Mesh) -> Topology:
         boundary_edges=int((uses == 1).sum()),
         non_manifold_edges=int((uses > 2).sum()),
         degenerate_faces=int((~_has_area(mesh.vertices, faces)).sum()),
-        duplicate_faces=len(faces) - len(distinct_faces),
+        duplicate_faces=len(faces) - len(distinct_faces(mesh)),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
         extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
         parts=len(mesh.parts),
@@ -83,6 +82,25 @@ def first_at_place(mesh: Mesh) -> Int32:
         _FIRST[mesh] = first.astype(np.int32)[vertex]
         _FIRST[mesh].flags.writeable = False
     return _FIRST[mesh]
+
+
+def distinct_faces(mesh: Mesh) -> Int32:
+    """Return the faces (F, 3) of a mesh without copies: faces with the corners of an earlier face, in any order."""
+    first = are_distinct(first_at_place(mesh)[mesh.faces])
+    return mesh.faces if first.all() else mesh.faces[first]
+
+
+def are_distinct(faces: NDArray[np.integer]) -> Bool:
+    """Return whether each of `faces` (F, 3) is the first with its corners, in any order, (F,)."""
+    one, other, last = faces.T.astype(np.uint64, copy=False)
+    low, high = np.minimum(np.minimum(one, other), last), np.maximum(np.maximum(one, other), last)
+    prime = np.uint64(0x9E3779B97F4A7C15)  # the odd number nearest to 2⁶⁴ divided by the golden ratio
+    key = (low * prime + high) * prime + (one + other + last)
+    first = np.ones(len(key), bool)
+    if len(key) > 1 and not np.diff(np.sort(key)).all():
+        first[:] = False
+        first[np.unique(key, return_index=True)[1]] = True
+    return first
 
 
 def face_components(faces: Int32) -> Int32:
@@ -154,21 +172,17 @@ def by_position(vertices: NDArray[np.floating], faces: Int32) -> Int64:
     if len(tied) == 0:
         return order
     some = order[tied]
-    corners = lowest_first(vertices, faces[some])
-    key = _key(cells[:, corners])
-    ends = np.sort(key[:, 1:], axis=1)
-    ranks = np.lexsort((key[:, 1], *ends.T, key[:, 0], code[some]))
-    order[tied], corners = some[ranks], corners[ranks]
-    one, other = vertices[corners[:-1]], vertices[corners[1:]]
-    same = (one == other).all(axis=(1, 2)) | (one == other[:, [0, 2, 1]]).all(axis=(1, 2))
-    return np.delete(order, tied[1:][same])
+    corners = sorted_corners(vertices, faces[some])
+    ranks = np.lexsort((some, *_key(cells[:, corners]).T[::-1], code[some]))  # of equal faces, the first one is kept
+    order[tied], places = some[ranks], vertices[corners[ranks]]
+    return np.delete(order, tied[1:][(places[:-1] == places[1:]).all(axis=(1, 2))])
 
 
-def lowest_first(vertices: NDArray[np.floating], faces: Int32) -> Int32:
-    """Return `faces` (F, 3), turned so that each starts at its lowest corner: by x, then y, then z."""
+def sorted_corners(vertices: NDArray[np.floating], faces: Int32) -> Int32:
+    """Return `faces` (F, 3), each with its corners in the order of x, then y, then z. So they have no side."""
     corners = vertices[faces.ravel()]
-    start = _key(_cells(corners, corners)).reshape(faces.shape).argmin(axis=1)
-    return np.take_along_axis(faces, (start[:, None] + np.arange(3)) % 3, axis=1)
+    order = np.argsort(_key(_cells(corners, corners)).reshape(faces.shape), axis=1, kind="stable")
+    return np.take_along_axis(faces, order, axis=1)
 
 
 def _cells(points: NDArray[np.floating], box_of: NDArray[np.floating]) -> Int64:
@@ -207,7 +221,7 @@ def even_points(vertices: NDArray[np.floating], faces: Int32, count: int) -> tup
     evenly = (np.arange(count) + 0.5) / count * areas.sum()
     hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
     face, barycentric = points_on_faces(np.bincount(hit, minlength=len(areas)))
-    corners = lowest_first(vertices, faces[order[face]])
+    corners = sorted_corners(vertices, faces[order[face]])
     # Few points of a face have no even spread about its center, so the first corners of neighboring faces differ.
     return np.take_along_axis(corners, (face[:, None] + np.arange(3)) % 3, axis=1), barycentric
 
@@ -226,7 +240,7 @@ def sample_surface(
     face = order[np.searchsorted(total, at, side="right").clip(0, len(order) - 1)]
     u, v = generator.random((2, count))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    first, second, third = vertices[lowest_first(vertices, faces[face])].astype(np.float64).transpose(1, 0, 2)
+    first, second, third = vertices[sorted_corners(vertices, faces[face])].astype(np.float64).transpose(1, 0, 2)
     return first + u[:, None] * (second - first) + v[:, None] * (third - first), face
 
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs, group_sums, unit
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
-from dfd.geometry.topology import first_at_place, scene_parts_and_materials, vertex_areas
+from dfd.geometry.topology import distinct_faces, first_at_place, scene_parts_and_materials, vertex_areas
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -123,7 +123,7 @@ class Patches:
     """
 
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
-        self.nodes, faces = nodes_of(mesh), _distinct_faces(mesh)
+        self.nodes, faces = nodes_of(mesh), distinct_faces(mesh)
         total, self._middle = _area_and_middle(mesh, faces)
         if not total > 0:
             raise ValueError("parts: `mesh` must have a face with an area, got none")
@@ -323,16 +323,6 @@ def _surface(
     joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     # Sums depend on the order of the faces by rounding errors, so they are rounded.
     return _rounded(areas * GRID) / GRID, _rounded(normals * GRID) / GRID, joined, _rounded(length)
-
-
-def _distinct_faces(mesh: Mesh) -> Int32:
-    """Return the faces (F, 3) of the mesh without copies: faces with the corners of an earlier face, in any order."""
-    corners = np.sort(first_at_place(mesh)[mesh.faces], axis=1).astype(np.uint64)
-    prime = np.uint64(0x9E3779B97F4A7C15)  # the odd number nearest to 2⁶⁴ divided by the golden ratio
-    key = (corners[:, 0] * prime + corners[:, 1]) * prime + corners[:, 2]
-    if len(key) < 2 or np.diff(np.sort(key)).all():
-        return mesh.faces
-    return mesh.faces[np.sort(np.unique(key, return_index=True)[1])]
 
 
 def _smoothed(normal: Float64, pairs: Int64) -> Float64:

@@ -11,6 +11,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Int32, Int64
+from dfd.geometry.topology import are_distinct
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +32,15 @@ class Scene:
     """The search tree of triangles. Rays hit a face from both sides. They never hit a face without area.
 
     Several threads can cast rays in parallel. `vertices` (V, 3) must lie near the origin, in a box of about unit size,
-    because Embree computes in float32 and misses hits far from the origin. `faces` (F, 3) must be valid indices.
+    because Embree computes in float32 and misses hits far from the origin. `faces` (F, 3) must be valid indices. Rays
+    hit the first of several faces with the same corners.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
         # Without `robust`, more rays slip between neighboring faces, at edges and vertices.
         self._scene = EmbreeScene(robust=True)
-        corners = np.ascontiguousarray(faces, dtype=np.int32)
+        self._face = np.flatnonzero(are_distinct(faces)).astype(np.int32)
+        corners = np.ascontiguousarray(faces if len(self._face) == len(faces) else faces[self._face], dtype=np.int32)
         TriangleMesh(self._scene, np.ascontiguousarray(vertices, dtype=np.float32), corners)
         # The first query builds the search tree, so it must not run in parallel with another query.
         self.cast(np.zeros(3), np.ones((1, 3)))
@@ -55,7 +58,7 @@ class Scene:
         barycentric = np.stack([1 - u - v, u, v], axis=1).clip(0, 1)
         first, second, third = barycentric.T
         barycentric /= (first + second + third)[:, None]
-        return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
+        return Hits(ray, self._face.take(found["primID"][ray]), barycentric, found["tfar"][ray])
 
     def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
         """Return a mask (N,) of the `points` (N, 3) that the surface hides from `eye` (3,).

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
-from dfd.common.normals import face_normals
+from dfd.common.normals import face_normals, smooth_normals
+from dfd.geometry.topology import distinct_faces
 from dfd.mesh.appearance import GRAY, blend
 from dfd.views.raycast import Hits, Scene
 
@@ -29,7 +30,7 @@ class Shading:
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
-        self._normals = mesh.normals
+        self._normals = _normals(mesh)
         self._appearance = mesh.appearance
 
     def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
@@ -87,6 +88,12 @@ class Shading:
         layers = ((hits.ray, hits.face, hits.barycentric, hits.distance) for hits in kept)
         all_hits = Hits(*map(np.concatenate, zip(*layers, strict=True)))
         return all_hits.where(np.argsort(all_hits.ray)), color + light[:, None]
+
+
+def _normals(mesh: Mesh) -> Float32:
+    """Return the unit normals (V, 3) of vertices, to which copies of faces add nothing."""
+    faces = distinct_faces(mesh)
+    return mesh.normals if faces is mesh.faces else smooth_normals(mesh.vertices, faces)[mesh.representative]
 
 
 def facing(

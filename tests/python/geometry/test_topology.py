@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE
 
-from dfd.geometry.topology import by_position, inspect, lowest_first
+from dfd.geometry.topology import by_position, inspect, sample_surface, sorted_corners
 from dfd.mesh.mesh import Mesh
 
 
@@ -62,8 +62,8 @@ TRIANGLES = np.concatenate([PLACES, [STAR, 2 * STAR.mean(axis=0) - STAR]])
 
 
 def in_order(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the corners (N, 3, 3) of the faces in their order, the lowest corner of each first."""
-    return vertices[lowest_first(vertices, faces)[by_position(vertices, faces)]]
+    """Return the corners (N, 3, 3) of the faces in their order, each with its corners in order."""
+    return vertices[sorted_corners(vertices, faces)[by_position(vertices, faces)]]
 
 
 def shuffled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,12 +95,14 @@ def test_only_positions_decide_the_order_of_faces(change) -> None:
     )
 
 
-def test_two_sides_of_a_sheet_are_one_face_and_the_side_that_stays_does_not_depend_on_the_order() -> None:
-    vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3).reshape(-1, 3)
+def test_two_sides_of_a_sheet_are_one_face_whose_samples_do_not_depend_on_the_side() -> None:
+    vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3, dtype=np.int32).reshape(-1, 3)
     both = np.concatenate([faces, faces[:, ::-1]])
-    wanted = in_order(vertices, both)
-    assert len(wanted) == len(faces)
-    np.testing.assert_array_equal(in_order(*shuffled(vertices, both)), wanted)
+    wanted = in_order(vertices, faces)
+    for sheet in (both, both[::-1]):
+        np.testing.assert_array_equal(in_order(*shuffled(vertices, sheet)), wanted)
+        samples = sample_surface(vertices, sheet, 500, np.random.default_rng(0))[0]
+        np.testing.assert_allclose(samples, sample_surface(vertices, faces, 500, np.random.default_rng(0))[0])
 
 
 def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other() -> None:
@@ -113,10 +115,8 @@ def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other() ->
     np.testing.assert_array_equal(codes, np.arange(512))
 
 
-def test_faces_start_at_their_lowest_corner_and_keep_their_side() -> None:
+def test_corners_are_sorted_by_x_then_y_then_z() -> None:
     vertices = np.stack(np.meshgrid(*3 * [np.arange(3.0)]), axis=-1).reshape(-1, 3)[RANDOM.permutation(27)]
     faces = np.array([RANDOM.permutation(27)[:3] for _ in range(200)], np.int32)
-    turned = lowest_first(vertices, faces)
-    for before, after in zip(faces.tolist(), turned.tolist(), strict=True):
-        assert after in (before, before[1:] + before[:1], before[2:] + before[:2])
-        assert tuple(vertices[after[0]]) == min(tuple(vertices[corner]) for corner in before)
+    for before, after in zip(faces.tolist(), sorted_corners(vertices, faces).tolist(), strict=True):
+        assert after == sorted(before, key=lambda corner: tuple(vertices[corner]))

@@ -31,6 +31,14 @@ def test_both_sides_are_hit_and_rays_keep_their_numbers(triangle: Scene) -> None
     assert (hits.barycentric.dtype, hits.face.dtype, hits.distance.dtype) == (np.float32, np.int32, np.float32)
 
 
+def test_rays_hit_the_first_of_equal_faces() -> None:
+    faces = np.array([[0, 1, 2], [1, 2, 0], [2, 1, 0], [1, 3, 2], [2, 3, 1]])
+    scene = Scene(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), faces)
+    hits = scene.cast(np.array([[0.2, 0.3, 1.0], [0.9, 0.8, 1.0]]), np.stack([DOWN, DOWN]))
+    assert hits.face.tolist() == [0, 3]
+    assert hits.barycentric[0] == pytest.approx([0.5, 0.2, 0.3], abs=1e-6)
+
+
 def test_rays_hardly_slip_through_common_edges() -> None:
     n = 40
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij"), -1).reshape(-1, 2)
