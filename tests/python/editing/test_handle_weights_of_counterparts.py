@@ -44,7 +44,7 @@ def asked(sample, mesh, monkeypatch):
             members = sample.vertices_of("leg", leg)
             foot = int(members[mesh.vertices[members, 1].argmin()])
             frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-            found.append((number, Counterpart(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]))))
+            found.append((number, Counterpart(foot, tuple(mesh.vertices[foot]), frame)))
         return found
 
     monkeypatch.setattr(Parts, "components", components)
@@ -142,7 +142,7 @@ def test_equalize_compensates_for_features_and_not_for_distance(session, sample,
 
 
 def test_equalize_does_not_change_counterparts_of_low_similarity(session, sample, mesh, asked, foot, monkeypatch):
-    monkeypatch.setattr(handle_weights, "LEAST_ALIKE", 0.8)  # the weights of the back legs are about 0.5
+    monkeypatch.setattr(handle_weights, "LEAST_EQUALIZED", 0.8)  # the weights of the back legs are about 0.5
     session.add(foot, translation=(0, -0.2, 0), reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
     np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)

@@ -5,7 +5,7 @@ own pivot, which corresponds to the handle's pivot. If two legs are mirror image
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ class Counterpart:
     # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
-    weight: float = 1.0  # the handle's weight at `vertex`, by features alone
     # image: (3, 4) isometry that maps the component at the handle onto this component; None if there is none
     image: Float64 | None = None
 
@@ -72,7 +71,6 @@ def find_counterparts(
     np.maximum.at(best, component, on_nodes)
     best[[0, -1]] = -1.0
     others = np.argsort(-best, kind="stable")[: int((best >= 0).sum())].tolist()
-    found[0] = replace(found[0], weight=float(weights[vertex]))
     surfaces = _surfaces(mesh, component[nodes.of_vertex], [0, *others])
     for index, number in enumerate(others, 1):
         image = _image(surfaces[index], surfaces, found, known_planes)
@@ -85,7 +83,7 @@ def find_counterparts(
             peak = int(members[weights[members].argmax()])
             peak, frame = _corresponding(mesh, component == number, weights, peak, found, known_planes)
             x, y, z = mesh.vertices[peak].tolist()
-        found.append(Counterpart(peak, (x, y, z), frame, float(weights[peak]), image=image))
+        found.append(Counterpart(peak, (x, y, z), frame, image))
     return list(zip([0, *others], found, strict=True))
 
 

@@ -32,9 +32,9 @@ from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
 
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-# `equalize` raises the weights of a counterpart only if its weight by features alone is at least LEAST_ALIKE. Its final
-# weight, without the factor of locality, must also be at least LEAST_EQUALIZED times that at the handle.
-LEAST_ALIKE, LEAST_EQUALIZED = 0.15, 0.1
+# `equalize` raises the weights of a counterpart if, without the factor of locality, they are at least this fraction of
+# those at the handle.
+LEAST_EQUALIZED = 0.1
 # As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
 # handle and the vertices of the part, and at least LEAST_REACH.
 LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
@@ -273,11 +273,7 @@ class HandleWeights:
             float(weights[one.vertex]) / nearness if nearness > 0 else 0.0
             for one, nearness in zip(counterparts, near, strict=True)
         ]
-        own = next((top for top in tops if top), 0.0)
-        return [
-            own / top if one.weight >= LEAST_ALIKE and top >= LEAST_EQUALIZED * own > 0 else 1.0
-            for one, top in zip(counterparts, tops, strict=True)
-        ]
+        return [tops[0] / top if top >= LEAST_EQUALIZED * tops[0] > 0 else 1.0 for top in tops]
 
     def level_with_axis(self, edit: Edit, handle: Handle) -> int | None:
         """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""

@@ -1,0 +1,129 @@
+"""Compare patches and parts with recorded ones. After a change that is meant, record again with `DFD_RECORD=1`.
+
+Any change of a constant or a rule of the segmentation changes some of these numbers. So who makes one sees which shapes
+it changes, and looks at them.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import dfd
+from bench.training.made_shapes import made_shape
+from dfd.app.options import SAMPLE_FIELDS
+from dfd.segmentation.alike import _apart, _measures, alike
+from dfd.segmentation.choose import probabilities
+from dfd.segmentation.parts import Parts
+
+RECORDED = Path(__file__).parent / "recorded"
+PLACES, LEVELS = 16, (-2, -1, 0, 1)
+DIFFERENT = 1  # number of places at which another machine may choose another part, because two are nearly as likely
+
+
+def of_sample(name):
+    """Return the parts of a sample, by the field that the app has for it."""
+    mesh = getattr(dfd.samples, name)().mesh
+    field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
+    return mesh, Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(field, mesh))
+
+
+def waves(mesh):
+    """Return the parts of a shape by cosines of the positions along random directions, and without planes."""
+    random = np.random.default_rng(0)
+    rows = np.cos(9 / mesh.diagonal * mesh.vertices @ random.normal(size=(3, 16)) + random.uniform(0, 7, 16))
+    rows = (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+    return mesh, Parts(mesh, lambda some: rows[some])
+
+
+def mugs():
+    """Return the parts of two cups, each with a loose ball inside, and of a plate close to both."""
+    moved = trimesh.transformations.translation_matrix
+    cup, ball = trimesh.creation.annulus(0.4, 0.5, 1.0), trimesh.creation.icosphere(3, 0.2)
+    plate = trimesh.creation.cylinder(1.6, 0.1).subdivide_to_size(0.1).apply_transform(moved((0, 0, -0.56)))
+    whole = [each.copy().apply_transform(moved((x, 0, 0))) for x in (-0.8, 0.8) for each in (cup, ball)]
+    made = trimesh.util.concatenate([*(each.subdivide_to_size(0.15) for each in whole), plate])
+    return waves(dfd.Mesh(made.vertices, made.faces))
+
+
+SHAPES = {
+    "quadruped": lambda: of_sample("quadruped"),
+    "robot": lambda: of_sample("robot"),
+    "insect": lambda: waves(made_shape(203).mesh),
+    "mugs": mugs,
+}
+
+
+def found_at(parts, vertex):
+    """Return numbers about the parts at a vertex, and about the likely part there."""
+    candidates, rungs, middle = parts._ladder(int(parts._patches.of_vertex[vertex]))
+    chosen, trees = rungs[middle], parts._trees
+    region, node = candidates.regions[chosen], int(candidates.nodes[chosen])
+    by_level = [parts.part(vertex, level) for level in LEVELS]
+    others = [float(_apart(_measures(trees, region), _measures(trees, each))) for each in alike(trees, node, region)]
+    return {
+        "levels": parts.levels(vertex),
+        "candidates": len(candidates.regions),
+        "clear": bool(candidates.clear),
+        "votes": int(candidates.votes[chosen]),
+        "shares": [each.share for each in by_level],
+        "vertices": [int(each.mask.sum()) for each in by_level],
+        "components": [each.components for each in by_level],
+        "alone": parts.part(vertex, alike=False).share,
+        "others": sorted(others),
+        "cues": candidates.cues[chosen].tolist(),
+        "likely": float(probabilities(candidates)[chosen]),
+    }
+
+
+def told(mesh, parts):
+    """Return numbers about the patches, about the parts at some places, and about the cut of a shape."""
+    patches, trees = parts._patches, parts._trees
+    own = {"patches": len(patches.area), "orbits": int(patches.orbit.max()) + 1, "regions": len(trees.areas)}
+    for name, values in {
+        "border": patches.borders.length,
+        "concavity": np.abs(patches.borders.concavity),
+        "links": patches.borders.length == 0,
+        "places": np.sort(patches.area)[::100],
+        "steps": trees.steps,
+        "strength": trees.strength,
+        "persistence": trees.persistence,
+    }.items():
+        own[name] = float(values.mean())
+    cut = [(each.share, each.components, int(each.mask.sum())) for each in parts.cut()]
+    places = np.linspace(0, len(mesh.vertices) - 1, PLACES).astype(int).tolist()
+    return {"shape": own, "cut": cut, "places": [found_at(parts, vertex) for vertex in places]}
+
+
+def same(one, other):
+    """Return whether two documents have the same numbers, up to rounding."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(np.isclose(one, other, rtol=1e-4, atol=1e-6))
+
+
+def written(document):
+    """Return the text of a document: one line for the shape, for the cut and for each place."""
+    rounded = json.loads(json.dumps(document), parse_float=lambda number: float(f"{float(number):.6g}"))
+    places = ",\n".join(map(json.dumps, rounded["places"]))
+    return (
+        f'{{"shape": {json.dumps(rounded["shape"])},\n"cut": {json.dumps(rounded["cut"])},\n"places": [\n{places}]}}\n'
+    )
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_parts_are_the_recorded_ones(name):
+    file, now = RECORDED / f"{name}.json", told(*SHAPES[name]())
+    if os.environ.get("DFD_RECORD"):
+        file.write_text(written(now))
+    recorded = json.loads(file.read_text())
+    assert same(now["shape"], recorded["shape"]), (now["shape"], recorded["shape"])
+    assert same(now["cut"], recorded["cut"])
+    pairs = enumerate(zip(now["places"], recorded["places"], strict=True))
+    differ = [number for number, (one, other) in pairs if not same(one, other)]
+    assert len(differ) <= DIFFERENT, {n: (now["places"][n], recorded["places"][n]) for n in differ}
