@@ -33,9 +33,7 @@ MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto
 SAME = 1e-5  # two places are exact mirror images up to this distance
 GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
 TINY = 1e-9  # replaces lengths, areas and distances of 0, such as the length of a border across a small gap
-ACROSS = (
-    1e3  # added to distances between two things of the file, so that a patch belongs to one thing; more than any path
-)
+ACROSS = 1e3  # added to distances between two things of the file, so that a patch belongs to one; more than any path
 
 
 class Mirror(NamedTuple):
@@ -125,8 +123,6 @@ class Patches:
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
         self.nodes, faces = nodes_of(mesh), distinct_faces(mesh)
         total, self._middle = _area_and_middle(mesh, faces)
-        if not total > 0:
-            raise ValueError("parts: `mesh` must have a face with an area, got none")
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
         graph, center, normal = self._find_places(mesh, faces)
         self._find_patches(
@@ -162,8 +158,8 @@ class Patches:
         of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
         self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
-        self.area = np.bincount(self.of_place, weight, minlength=count) / weight.sum()
-        own = (self.area * weight.sum())[:, None]
+        own = group_sums(self.of_place, weight[:, None], count)
+        self.area = own[:, 0] / own.sum()
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
         self.orbit = _orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
@@ -288,11 +284,16 @@ def _orbits_of_patches(
 
 
 def _area_and_middle(mesh: Mesh, faces: Int32) -> tuple[float, Float64]:
-    """Return the area of `faces` (F, 3), in squared mesh units, and the centroid (3,) of their surface."""
+    """Return the area of `faces` (F, 3), in squared mesh units, and the centroid (3,) of their surface.
+
+    Raises ValueError if no face has an area.
+    """
     near = mesh.bounds.mean(axis=0)
     areas = vertex_areas(mesh.vertices - near, faces)
     total = float(areas.sum())
-    return total, near + areas @ (mesh.vertices - near) / (total or 1.0)
+    if not total > 0:
+        raise ValueError("parts: `mesh` must have a face with an area, got none")
+    return total, near + areas @ (mesh.vertices - near) / total
 
 
 def _surface(

@@ -130,12 +130,25 @@ def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
     weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
     # One component lacks a piece, so the components are no mirror images. The frame then depends on the given plane.
     component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
-    component[(component == 1) & (mesh.vertices[:, 2] > 0.25)] = -1
+    component[(component == 1) & (mesh.vertices[:, 2] > 0.21)] = -1
     own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
     np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
     np.testing.assert_allclose(other.position, plane.reflect([own.position])[0], atol=1e-12)
     moved = other.transform(Transform(translation=(0.1, 0.2, 0.3)).matrix(), own.position)
     np.testing.assert_allclose(moved, Transform(translation=(-0.1, 0.2, 0.3)).matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize(("less", "mirrored"), [(0.04, True), (0.06, False)])
+def test_the_mirror_image_of_a_handle_is_its_counterpart_unless_another_place_is_clearly_more_similar(less, mirrored):
+    mesh, plane = sheet(), SymmetryPlane((1.0, 0.0, 0.0), 0.0)
+    weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.5, 0.2, 0.9 - less, 0.1))
+    best = vertex_at(mesh, 0.6, 0.05)
+    weights[best] = 0.9
+    component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
+    component[(component == 1) & (mesh.vertices[:, 2] > 0.21)] = -1
+    _, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
+    assert other.vertex == (vertex_at(mesh, 0.5, 0.2) if mirrored else best)
+    np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
 
 
 def test_components_far_apart_are_counterparts_too():

@@ -175,6 +175,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.add(1.5), r"Deformer.add: `at` must be a vertex index, a point, a region or a text, got 1.5"),
         (lambda d: d.add((0, 0, math.nan)), r"Deformer.add: `at` must be finite"),
         (lambda d: d.add(5), r"`handles` must lie at distinct places, got two at 5"),
+        (lambda d: d.add(d.mesh.vertices[5]), r"`handles` must lie at distinct places, got two at"),
         (lambda d: d.add(6), r"`fixed` must be at unused places, but the place 6 is already used by handle"),
         (lambda d: d.add(7, locality=-1), r"Deformer.add: `locality` must be at least 0, got -1"),
         (lambda d: d.add(7, locality=math.nan), r"Deformer.add: `locality` must be finite, got nan"),

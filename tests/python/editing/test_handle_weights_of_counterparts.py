@@ -39,7 +39,7 @@ def asked(sample, mesh, monkeypatch):
 
     def labelled(mesh, component, vertex, position, alike, planes):
         calls.append((vertex, planes()))
-        found, weights = [], alike()
+        found = []
         for number, leg in enumerate(legs_from(vertex)):
             members = sample.vertices_of("leg", leg)
             foot = int(members[mesh.vertices[members, 1].argmin()])

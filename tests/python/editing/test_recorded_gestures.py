@@ -23,6 +23,9 @@ FOLLOWED = 12  # number of vertices whose positions are compared
 PULL, TURN = {"translation": (0.1, 0.15, -0.05)}, {"rotation": (20, 35, 10)}
 GESTURES = {
     "pull": [("tip", PULL)],
+    "at rest": [("tip", {})],
+    "small pull": [("tip", {"translation": (0.003, 0.004, 0)})],
+    "pull at the middle": [("middle", {"translation": (0, -0.6, 0.1)})],
     "far pull": [("tip", {"translation": (0.9, 0.2, 0.4)})],
     "turn": [("tip", TURN)],
     "grow": [("tip", {"scale": (1.2, 1.5, 0.8)})],

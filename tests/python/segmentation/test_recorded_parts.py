@@ -93,7 +93,7 @@ def told(mesh, parts):
         "persistence": trees.persistence,
     }.items():
         own[name] = float(values.mean())
-    cut = [(each.share, each.components, int(each.mask.sum())) for each in parts.cut()]
+    cut = [(each.share, each.components, int(each.mask.sum()), each.vertex) for each in parts.cut()]
     places = np.linspace(0, len(mesh.vertices) - 1, PLACES).astype(int).tolist()
     return {"shape": own, "cut": cut, "places": [found_at(parts, vertex) for vertex in places]}
 

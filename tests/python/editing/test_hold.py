@@ -1,0 +1,167 @@
+"""Test the components of a held part: their borders, depths, radii, and their shares where they touch."""
+
+import numpy as np
+import pytest
+from made_tube import AROUND, straight
+from scipy.sparse import csr_array
+
+from dfd.editing.influence import hold as module
+from dfd.editing.influence.fill import Band, band_of, weights_at
+from dfd.editing.influence.hold import BEYOND, INSIDE, LEAST_DEPTH, OUTSIDE, Component, hold
+from dfd.geometry.coarse import nodes_of
+
+LENGTH, RADIUS, RINGS = 4.0, 0.2, 81
+STEP = LENGTH / (RINGS - 1)  # distance between two rings
+
+
+def held_above(low: float, at: float, high: float = 9.0) -> Component:
+    """Return the component of a straight tube along y between two heights, held by a handle at the height `at`."""
+    mesh = straight(LENGTH, RINGS, RADIUS)
+    component = np.where((mesh.vertices[:, 1] > low) & (mesh.vertices[:, 1] < high), 0, -1)
+    vertex = round(at / STEP) * AROUND
+    return hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: None, tuple).components[0]
+
+
+def depths(component: Component) -> np.ndarray:
+    """Return the depth of the vertices of the tube, NaN outside the band's largest extent."""
+    found = np.full(len(straight(LENGTH, RINGS, RADIUS).vertices), np.nan)
+    found[component.vertices] = component.depth
+    return found
+
+
+def test_a_limb_has_one_border_with_its_radius_and_the_direction_to_its_tip():
+    limb = held_above(2.0, 4.0)
+    np.testing.assert_allclose(limb.border[:, 1], 2.0 + STEP / 2, atol=STEP)
+    assert limb.radius == pytest.approx(RADIUS, rel=0.01)
+    np.testing.assert_allclose(limb.direction, (0, 1, 0), atol=0.02)
+
+
+def test_a_part_with_two_borders_has_no_direction_and_the_mean_radius():
+    middle = held_above(1.0, 2.0, 3.0)
+    assert not middle.direction.any()
+    assert middle.radius == pytest.approx(RADIUS, rel=0.01)
+    np.testing.assert_allclose(np.unique(np.round(middle.border[:, 1])), (1, 3))
+
+
+def test_depth_is_the_distance_from_the_border_inside_and_outside():
+    limb = held_above(2.0, 4.0)
+    height = straight(LENGTH, RINGS, RADIUS).vertices[:, 1] - 2.0 - STEP / 2
+    depth = depths(limb)
+    known = np.isfinite(depth) & (np.abs(height) < 0.25)
+    assert known.sum() > 8 * AROUND
+    np.testing.assert_allclose(depth[known], height[known], atol=0.3 * STEP)
+
+
+def test_bands_extend_to_a_radius_outside_and_to_half_of_the_depth_inside():
+    limb = held_above(2.0, 4.0)
+    assert limb.outward == pytest.approx(OUTSIDE * RADIUS, rel=0.02)
+    assert limb.inward == pytest.approx(INSIDE * 2.0, rel=0.1)
+    assert limb.room == 1
+    # Outside, the band covers at most a fifth of the surface, which is about a fifth of the length of a short post.
+    short = held_above(0.5, 4.0)
+    assert short.outward == pytest.approx(BEYOND * (0.5 + STEP / 2 + RADIUS / 2), rel=0.2)
+    assert short.outward < 0.6 * OUTSIDE * RADIUS
+
+
+def test_a_handle_near_the_border_leaves_less_room_inside():
+    limb, near = held_above(2.0, 4.0), held_above(2.0, 2.25)
+    assert near.room == pytest.approx((0.25 - STEP / 2) / limb.inward, rel=0.1)
+    assert near.inward == pytest.approx(near.room * limb.inward, rel=0.1)
+
+
+def test_a_handle_outside_the_border_moves_the_border_beyond_it():
+    mesh = straight(LENGTH, RINGS, RADIUS)
+    at = 39 * AROUND  # a handle just below the border
+    component = np.where(mesh.vertices[:, 1] > 2.01, 0, -1)
+    component[nodes_of(mesh).of_vertex[at]] = 0
+    found = hold(mesh, component, at, mesh.vertices[at], 0, lambda: None, tuple).components[0]
+    own = np.flatnonzero(np.concatenate([found.core.vertices, found.vertices]) == at)
+    assert len(own) == 1
+    assert (
+        np.concatenate([np.full(len(found.core.vertices), 9), found.depth])[own[0]] >= LEAST_DEPTH * found.radius * 0.99
+    )
+
+
+@pytest.mark.parametrize(
+    ("room", "pull", "wanted"),
+    [
+        (1.0, (0, 1e-3, 0), (0.03, 0.03)),  # the band at rest
+        (1.0, (0.1, 0, 0), (0.15, 0.15)),  # displacements across the limb widen the band on both sides
+        (1.0, (0.2, 0, 0), (0.3, 0.3)),
+        (1.0, (0.4, 0, 0), (0.3, 0.9)),  # outside, there is no more room
+        (1.0, (0, 0.1, 0), (0.03, 0.3)),  # along the limb, only inside
+        (0.25, (0, 0.05, 0), (0.1125, 0.15)),  # near the border, also outside
+        (1.0, (0, -0.4, 0), (0.3, 0.9)),  # surface that is compressed, on both sides
+        (1.0, (9, 9, 9), (0.3, 1.0)),
+    ],
+)
+def test_the_band_of_a_motion(room, pull, wanted):
+    border = 0.2 * np.stack([np.cos(np.arange(8)), 0 * np.arange(8), np.sin(np.arange(8))], axis=1)
+    limb = Component(None, border, np.array([0.0, 1, 0]), 0.3, 0.3, 1.0, room, None, None, None, None)
+    affine = np.column_stack([np.eye(3), pull])
+    assert band_of(limb, affine, np.eye(3, 4), 9.0) == pytest.approx(wanted)
+    # Only the motion relative to the surroundings counts.
+    assert band_of(limb, affine, affine, 9.0) == pytest.approx((0.03, 0.03))
+    assert band_of(limb, affine, np.eye(3, 4), 1.2)[0] == pytest.approx(
+        max(0.0075, wanted[0] if wanted[0] > 0.03 else 0)
+    )
+
+
+def test_weights_in_a_band_are_a_smoothstep():
+    depth = np.array([-0.3, -0.2, 0.0, 0.1, 0.3, 0.5], np.float32)
+    np.testing.assert_allclose(weights_at(depth, Band(0.2, 0.2)), [0, 0, 0.5, 0.84375, 1, 1], atol=1e-6)
+
+
+def test_components_that_touch_share_the_surface_between_them():
+    x = np.array([0, 3, 4, 4.5, 5, 5.5, 6, 7, 10])
+    apart = np.stack([np.maximum(x - 3, 0), np.maximum(7 - x, 0)])
+    component = np.where(x <= 3, 0, np.where(x >= 7, 1, -1))
+    shares = module._shares(apart, component, 0, np.array([2.0, 2.0]))
+    np.testing.assert_allclose(shares[0], [1, 1, 1, 0.84375, 0.5, 0.15625, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(shares.sum(axis=0), 1)
+    # The handle at x = 3 lies nearer to the other component than the band is wide. So the transition is narrower.
+    apart[1, 1] = 1.0
+    np.testing.assert_allclose(module._shares(apart, component, 1, np.array([2.0, 2.0]))[0, [1, 3]], [1, 1])
+    np.testing.assert_array_equal(module._shares(apart[:1], component, 0, np.array([2.0])), 1)
+
+
+def test_a_band_covers_at_most_a_fifth_of_the_surface_outside():
+    area, inside, apart = np.ones(11), np.arange(11) == 0, np.arange(11.0)[::-1]
+    assert module._within_share(area, inside, apart) == 1.0  # the second of ten nodes
+    assert module._within_share(area, np.ones(11, bool), apart) == np.inf
+
+
+def test_distances_start_with_the_offset_of_their_source():
+    line = csr_array((np.ones(4), (np.arange(4), np.arange(1, 5))), shape=(5, 5))
+    found = module._distances(line + line.T, np.array([0, 4, 0]), np.array([0.5, 0.25, 0.3]), 1.4)
+    np.testing.assert_allclose(found, [0.3, 1.3, np.inf, 1.25, 0.25])
+
+
+def test_smoothing_has_the_given_deviation_along_the_surface_and_keeps_straight_slopes():
+    side, h = 81, 0.1
+    number = np.arange(side * side).reshape(side, side)
+    one, other = (
+        np.concatenate([a.ravel(), b.ravel()]) for a, b in ((number[1:], number[:, 1:]), (number[:-1], number[:, :-1]))
+    )
+    grid = csr_array((np.full(len(one), h), (one, other)), shape=(side * side,) * 2)
+    grid, (x, _) = (grid + grid.T).tocsr(), h * (np.indices((side, side)).reshape(2, -1) - side // 2)
+    np.testing.assert_allclose(module._smoothed(grid, x, -3.0, 3.0, 0.5), x, atol=1e-6)
+    spike = (number.ravel() == number[side // 2, side // 2]).astype(float)
+    smooth = module._smoothed(grid, spike, -1, 2, 0.5)
+    assert smooth.sum() == pytest.approx(1, abs=1e-3)
+    assert np.sqrt((smooth * x**2).sum()) == pytest.approx(0.5, rel=0.02)
+    assert module._smoothed(grid, spike, 0.5, 2, 0.0) is spike
+    holes = np.where(x > 1, np.inf, x)  # nodes of unknown depth do not change those beside them
+    np.testing.assert_allclose(module._smoothed(grid, holes, -3.0, 0.85, 0.2)[x < 0.5], x[x < 0.5], atol=0.02)
+
+
+def test_components_keep_their_numbers_and_others_join_the_nearest():
+    mesh = straight(LENGTH, RINGS, RADIUS)
+    nodes = nodes_of(mesh)
+    component = np.full(len(nodes.center), -1)
+    for number, height in enumerate((0.5, 2.0, 2.5, 3.9)):
+        component[np.abs(nodes.center[:, 1] - height) < 0.1] = number
+    found = module._renumbered(nodes, component, [0, 3, 1])
+    for number, height in ((0, 0.5), (2, 2.0), (2, 2.5), (1, 3.9)):
+        assert set(found[np.abs(nodes.center[:, 1] - height) < 0.1]) == {number}
+    assert (found[component < 0] == -1).all()
