@@ -289,7 +289,7 @@ def _area_and_middle(mesh: Mesh, faces: Int32) -> tuple[float, Float64]:
     Raises ValueError if no face has an area.
     """
     near = mesh.bounds.mean(axis=0)
-    areas = vertex_areas(mesh.vertices - near, faces)
+    areas = vertex_areas(mesh.vertices, faces)
     total = float(areas.sum())
     if not total > 0:
         raise ValueError("parts: `mesh` must have a face with an area, got none")

@@ -201,7 +201,7 @@ def test_with_a_plane_of_symmetry_the_other_side_bends_mirrored(pair, counterpar
 @pytest.mark.parametrize("first", ["shin", "leg"])
 def test_a_bent_leg_carries_its_bent_shin(one, first):
     """If the leg were bent first, the shin would bend about the place where it was at rest."""
-    grips = {"leg": (25 * AROUND, f"y>{HEIGHT}"), "shin": (52 * AROUND, "y>1.6")}
+    grips = {"leg": (25 * AROUND, f"y>{HEIGHT + 0.01}"), "shin": (52 * AROUND, "y>1.6")}
     for name in (first, *grips.keys() - {first}):
         at, mask = grips[name]
         handle = one.add(at, mask=mask, reach=2.0, falloff="constant", counterparts="only")
@@ -209,8 +209,8 @@ def test_a_bent_leg_carries_its_bent_shin(one, first):
     np.testing.assert_allclose(circumferences(one.vertices)[14:], circumferences(one.mesh.vertices)[14:], rtol=0.03)
     ends = rings(one.vertices)[[-4, -1]].mean(axis=1)
     along = ends[1] - ends[0]
-    # At the last rings, a bend over the whole length has not reached its full angle.
-    assert np.degrees(np.arctan2(along[0], along[1])) == pytest.approx(110, abs=12)
+    # At the last rings, bends over the whole length have not reached their full angles, whose sum is 110°.
+    assert np.degrees(np.arctan2(along[0], along[1])) == pytest.approx(100, abs=8)
 
 
 def test_bending_towards_the_axis_raises_an_error(one):

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from dfd.segmentation.patches import _nearest_seed
+from dfd.segmentation.patches import Mirror, _nearest_seed, _orbits_of_patches, _pieces
 
 
 def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
@@ -13,3 +13,27 @@ def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
     lengths = np.linalg.norm(center[one] - center[one + 1], axis=1)
     graph = csr_array((lengths, (one, one + 1)), shape=(7, 7))
     np.testing.assert_array_equal(_nearest_seed(graph + graph.T, np.array([2, 0]), center), [1, 0, 0, 0, 0, 0, 1])
+
+
+def test_things_without_seeds_get_patches_of_their_own_until_there_are_too_many(monkeypatch):
+    of_seed = np.array([0, 0, 0, 1, 1, 1, 1])
+    things = np.array([[5], [5], [7], [5], [6], [6], [8]])
+    area = np.array([1.0, 1, 3, 1, 2, 2, 1])
+    patch, seed, owned = _pieces(of_seed, things, area)
+    assert seed.tolist() == [0, 1, -1, -1, -1]
+    assert owned[:, 0].tolist() == [7, 6, 5, 5, 8]  # the largest patch of a seed keeps it
+    assert patch.tolist() == [2, 2, 0, 3, 1, 1, 4]
+    monkeypatch.setattr("dfd.segmentation.patches.MOST", 3)
+    patch, seed, owned = _pieces(of_seed, things, area)
+    assert seed.tolist() == [0, 1, -1]
+    assert patch.tolist() == [2, 2, 0, 1, 1, 1, 1]
+
+
+def test_mirror_images_without_seeds_have_an_orbit_of_their_own():
+    """The patches 3 and 4 are mirror images in the plane x = 0, and patch 5 has none."""
+    center = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (2, 1, 0), (-2.01, 1, 0), (3, 1, 0)], float)
+    mirrors = [Mirror(np.array([1.0, 0, 0]), 0.0)]
+    found = _orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.1, mirrors)
+    assert found.tolist() == [0, 0, 1, 2, 2, 3]
+    found = _orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.02, mirrors)
+    assert found.tolist() == [0, 0, 1, 2, 3, 4]
