@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int32
+from dfd.editing.blend import blend_of, carried
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.geometry.topology import face_sides
@@ -97,16 +98,16 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     visible = VISIBLE * mesh.diagonal
     moved = float(np.mean(distances > visible))
     counts = weights.counterpart_counts(edit)
-    following, columns = weights.columns(edit)
-    own = {column.handle: column for column in reversed(columns)}  # the first column of each handle
-    bent = weights.bent(edit)
-    handles = []
+    followed, columns = weights.columns(edit)
+    own = {column.handle: number for number, column in reversed(list(enumerate(columns)))}  # each handle's first column
+    bent, handles = weights.bent(edit), []
+    blend = blend_of(mesh, edit, followed, columns, bent)
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
-        rest = bent[vertex]
-        target = _transformed(own[i].matrix(edit), rest)
-        for number in own[i].carriers:
-            target += following[vertex, number] * (_transformed(columns[number].matrix(edit), rest) - rest)
+        first = columns[own[i]]
+        target = _transformed(first.matrix(edit), bent[vertex])
+        if first.carriers:
+            target += carried(bent[vertex], followed[vertex], own[i], blend) - bent[vertex]
         missing = float(np.linalg.norm(posed[vertex] - target))
         place = handle.place.position
         image = place if edit.symmetry is None else vector("mirrored", edit.symmetry.reflect([place])[0])
@@ -121,7 +122,7 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
                 arrived=missing <= visible,
                 mirrored=image if np.linalg.norm(np.subtract(image, place)) > visible else None,
                 counterparts=counts[i],
-                along_with=tuple(sorted({edit.handles[columns[number].handle].id for number in own[i].carriers})),
+                along_with=tuple(sorted({edit.handles[columns[number].handle].id for number in first.carriers})),
                 **_part(edit, handle, weights),
             )
         )

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
-from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.blend import blend_of, blends_nested
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.fill import Band, bands_of, fill
 from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.influence.plan import Column
@@ -52,13 +53,15 @@ class PosedShape:
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
         if self._skin is None:
             plan = self._weights.plan(edit)
-            if plan.crowded or (edit.default is not None and any(column.pieces for column in plan.columns)):
-                self._drag = None  # weights of handles at rest, or of the default transform, change with the bands too
+            default = edit.default is not None and any(column.pieces for column in plan.columns)
+            if plan.crowded or default or blends_nested(edit, plan.columns):
+                self._drag = None  # weights or transforms of handles at rest, or of the default, change too
                 return self._whole(edit)
         if self._drag is None or not self._drag.handles >= set(moved):
             weights, columns = self._columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            drag = Drag(self._weights.bent(edit), weights, moving=moving, **self._arguments(edit, columns))
+            rest = self._weights.bent(edit)
+            drag = Drag(rest, weights, moving=moving, **blend_of(self._mesh, edit, weights, columns, rest))
             rows = [drag.weights[:, row] for row in (range(len(moving)) if edit.blending == "linear" else moving)]
             bands = None if self._skin is not None else [self._weights.bands(edit)[i] for i in moving]
             self._drag = _MovingColumns(self._mesh, drag, [columns[i] for i in moving], rows, bands)
@@ -74,18 +77,7 @@ class PosedShape:
         if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
         weights, columns = self._columns(edit)
-        return pose(bent, weights, **self._arguments(edit, columns))
-
-    def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
-        """Return the arguments of `pose` and `Drag` for `edit`, except vertices and weights."""
-        return {
-            "transforms": np.reshape([column.matrix(edit) for column in columns], (-1, 3, 4)),
-            "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
-            "symmetry": edit.symmetry,
-            "handles": np.reshape([column.counterpart.position for column in columns], (-1, 3)),
-            "overlap": edit.rules.overlap,
-            "blend": edit.blending,
-        }
+        return pose(bent, weights, **blend_of(self._mesh, edit, weights, columns, bent))
 
 
 class _MovingColumns:

@@ -12,8 +12,8 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.common.text import UniqueNames
+from dfd.editing.blend import blend_of
 from dfd.editing.deformer import Deformer
-from dfd.editing.edit import box_center
 from dfd.editing.edit_file import to_document
 
 ENDINGS = (".npz", ".safetensors")
@@ -43,18 +43,17 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     if not edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)
-    held = [edit.handles[column.handle] for column in columns]
+    rest, held = session.bound.bent(edit), [edit.handles[column.handle] for column in columns]
+    blend = blend_of(mesh, edit, weights, columns, rest)
     names = UniqueNames()  # further counterparts get the handle's name and a number
     arrays: dict[str, np.ndarray[Any, Any]] = {
-        "vertices": session.bound.bent(edit).copy(),
+        "vertices": rest.copy(),
         "faces": mesh.faces.copy(),
         "weights": np.ascontiguousarray(weights, np.float32),
-        "transforms": np.array([column.matrix(edit) for column in columns]),
-        "handles": np.array([column.counterpart.position for column in columns]),
+        "transforms": blend["transforms"],
+        "handles": blend["handles"],
         "handle_ids": np.array([handle.id for handle in held], np.int64),
-        "default": np.eye(3, 4)
-        if edit.default is None
-        else np.ascontiguousarray(edit.default.matrix(box_center(mesh))),
+        "default": np.eye(3, 4) if blend["default"] is None else np.ascontiguousarray(blend["default"]),
     }
     texts = {
         "format": FORMAT,

@@ -79,6 +79,25 @@ def test_a_drag_of_half_a_diagonal_never_jumps_and_equals_a_fresh_session(animal
         session.remove(handle)
 
 
+def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal):
+    sample, known, _ = animal
+    session = fresh(known)
+    hoof, leg = tip_of(sample, "hoof"), tip_of(sample, "leg")
+    outer = session.add(leg, level=1, rotation=(10, 50, 20))
+    carried, pull = session.vertices[hoof], np.array((0.1, 0.05, -0.08))
+    inner = session.add(hoof, level=-1, translation=1e-9 * pull)
+    np.testing.assert_allclose(session.vertices[hoof], carried, atol=1e-7)
+    for step in (1, 2, 3):
+        session.move(inner, translation=step * pull)
+        np.testing.assert_allclose(session.vertices[hoof], carried + step * pull, atol=1e-7)
+    first, second = session.report().handles
+    assert (first.arrived, second.arrived, second.along_with) == (True, True, (outer,))
+    session.move(inner, rotation=(0, 0, 30), scale=1.5, pivot=sample.mesh.vertices[hoof])
+    np.testing.assert_allclose(session.vertices[hoof], carried + 3 * pull, atol=1e-7)
+    session.move(outer, rotation=(0, 30, 0))
+    np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
+
+
 @given(st.floats(0, 1), st.sampled_from(["leg", "head", "ear", "tail"]), st.booleans())
 @settings(max_examples=20, deadline=None)
 def test_nearly_equal_motions_give_nearly_equal_shapes(animal, share, part, turns):
