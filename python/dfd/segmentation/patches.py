@@ -158,8 +158,8 @@ class Patches:
         of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
         self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
-        own = group_sums(self.of_place, weight[:, None], count)
-        self.area = own[:, 0] / own.sum()
+        self.area = np.bincount(self.of_place, weight, count)
+        own = self.area[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
         self.orbit = _orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
@@ -426,7 +426,7 @@ def _farthest_points(points: Float64, first: Sequence[int], near: float, most: i
         farthest = int(apart.argmax())
         chosen.append(farthest)
         # Only points within the largest distance can come nearer.
-        some = np.array(tree.query_ball_point(points[farthest], apart[farthest] * (1 + 1e-9)))
+        some = np.array(tree.query_ball_point(points[farthest], apart[farthest]))
         apart[some] = np.minimum(apart[some], _rounded(np.linalg.norm(points[some] - points[farthest], axis=1)))
     return np.array(chosen)
 

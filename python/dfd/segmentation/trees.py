@@ -81,17 +81,16 @@ class Trees:
         children, heights = self._merged(features)
         area = np.bincount(self.patches.orbit, self.patches.area)
         leaves = len(area)
-        size = np.ones(leaves + len(children), np.int64)
+        size, area = np.ones(leaves + len(children), np.int64), np.append(area, np.zeros(len(children)))
         for node, (one, other) in enumerate(children, start=leaves):
-            size[node] = size[one] + size[other]
+            size[node], area[node] = size[one] + size[other], area[one] + area[other]
         # In the order of a walk through the tree, the leaves of a node are consecutive.
         start, height = np.zeros(len(size), np.int64), np.concatenate([np.zeros(leaves), heights])
         limit = height.copy()
         for node, (one, other) in reversed(list(enumerate(children, start=leaves))):
             start[one], start[other] = start[node], start[node] + size[one]
             limit[one] = limit[other] = height[node]
-        along = np.cumsum(np.append(0.0, area[np.argsort(start[:leaves])]))
-        large = np.flatnonzero(along[start + size] - along[start] >= SMALLEST)
+        large = np.flatnonzero(area >= SMALLEST)
         place = start[:leaves] - start[large, None]
         inside = (place >= 0) & (place < size[large, None])
         return inside, np.asarray(((limit - height) / np.maximum(limit, TINY))[large], np.float64)

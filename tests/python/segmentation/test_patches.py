@@ -2,8 +2,9 @@
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
-from dfd.segmentation.patches import Mirror, _nearest_seed, _orbits_of_patches, _pieces
+from dfd.segmentation.patches import Mirror, _nearest_seed, _orbits_of_patches, _pieces, _symmetric
 
 
 def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
@@ -37,3 +38,16 @@ def test_mirror_images_without_seeds_have_an_orbit_of_their_own():
     assert found.tolist() == [0, 0, 1, 2, 2, 3]
     found = _orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.02, mirrors)
     assert found.tolist() == [0, 0, 1, 2, 3, 4]
+
+
+def test_places_that_are_mirror_images_belong_to_seeds_that_are_mirror_images():
+    """The places 0 and 1, and 2 and 3, are mirror images in the plane x = 0. Place 4 is the image of none."""
+    center = np.array([(1, 0, 0), (-1, 0, 0), (2, 0, 0), (-2, 0, 0), (-3, 0.5, 0), (0, 0, 0)], float)
+    mirror, seeds = Mirror(np.array([1.0, 0, 0]), 0.0), center[[2, 3, 5]]
+    found = _symmetric(np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds, [mirror])
+    assert found.tolist() == [0, 1, 0, 1, 1, 2]
+    # Without an exact mirror image of its seed, a place keeps its patch.
+    found = _symmetric(
+        np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds + [(0.1, 0, 0), (0, 0, 0), (0, 0, 0)], [mirror]
+    )
+    assert found.tolist() == [0, 2, 0, 1, 1, 2]

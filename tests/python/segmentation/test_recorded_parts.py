@@ -40,12 +40,13 @@ def waves(mesh):
 
 
 def mugs():
-    """Return the parts of two cups, each with a loose ball inside, and of a plate close to both."""
+    """Return the parts of two cups, each with a loose ball inside, of a plate close to both, and of a tiny ball."""
     moved = trimesh.transformations.translation_matrix
     cup, ball = trimesh.creation.annulus(0.4, 0.5, 1.0), trimesh.creation.icosphere(3, 0.2)
     plate = trimesh.creation.cylinder(1.6, 0.1).subdivide_to_size(0.1).apply_transform(moved((0, 0, -0.56)))
     whole = [each.copy().apply_transform(moved((x, 0, 0))) for x in (-0.8, 0.8) for each in (cup, ball)]
-    made = trimesh.util.concatenate([*(each.subdivide_to_size(0.15) for each in whole), plate])
+    tiny = trimesh.creation.icosphere(2, 0.02).apply_transform(moved((0, 1.2, -0.49)))
+    made = trimesh.util.concatenate([*(each.subdivide_to_size(0.15) for each in whole), plate, tiny])
     return waves(dfd.Mesh(made.vertices, made.faces))
 
 
