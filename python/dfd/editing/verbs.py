@@ -51,7 +51,7 @@ def change(
     changed, pivot_at = edit.replaced(new), held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if not weights.bendable_parts(changed, new):
+    if pivot_at not in ("point", "plane") and not weights.bendable_parts(changed, new):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -155,19 +155,21 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str
         missing = given.get("bend") is None
         must = "given with `towards`" if missing else "one angle, and not a vector, beside `towards`"
         raise ArgumentError("bend", f"must be {must}")
-    parts = weights.bendable_parts(edit, held)
+    part: dict[str, Any] = {}
+    if pivot in ("point", "plane"):
+        part["pivot"], part["pivot_at"] = pivot_on(None, found.pop("pivot"), held, edit.symmetry)
+    parts = weights.bendable_parts(edit, held) if found or not part else []
     if not parts:
         if not found:
-            return edit
+            return edit.replaced(replace(held, transform=transform.changed(**part)))
         level = weights.level_with_axis(edit, held)
         instead = "" if level is None else f"; the part at level {level} has one"
         raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
     own = parts[0]
-    part: dict[str, Any] = {}
     if "open" in found:
         middle, across = own.axis.hinge
         part = {"rotation": check.number(None, "open", found["open"]) * across, "pivot": middle, "pivot_at": "hinge"}
-    elif pivot is not None or auto:
+    elif not part and (pivot is not None or auto):
         part["pivot"], part["pivot_at"] = pivot_on(own, pivot, held, edit.symmetry)
     if "bend" in found:
         part["bend"] = bend_vector(own, found["bend"], found.get("towards"))

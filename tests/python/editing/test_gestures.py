@@ -92,7 +92,7 @@ def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal):
         np.testing.assert_allclose(session.vertices[hoof], carried + step * pull, atol=1e-7)
     first, second = session.report().handles
     assert (first.arrived, second.arrived, second.along_with) == (True, True, (outer,))
-    session.move(inner, rotation=(0, 0, 30), scale=1.5, pivot=sample.mesh.vertices[hoof])
+    session.move(inner, rotation=(0, 0, 30), scale=1.5, pivot="point")
     np.testing.assert_allclose(session.vertices[hoof], carried + 3 * pull, atol=1e-7)
     session.move(outer, rotation=(0, 30, 0))
     np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)

@@ -202,23 +202,24 @@ def bend_vector(part: BendablePart, angle: float, towards: Any = None) -> Vector
 
 
 def pivot_on(
-    part: BendablePart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
+    part: BendablePart | None, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
 ) -> tuple[Vector, PivotAt]:
     """Return a pivot on `part`, the component at the handle, and the kind of the pivot.
 
     If `which` is None, the pivot is the base of a limb, the point between the two borders of a part such as a teapot's
-    handle, or else the middle. If `part` lies across the symmetry plane,
-    this default pivot is projected onto the plane.
+    handle, or else the middle. If `part` lies across the symmetry plane, this default pivot is projected onto the
+    plane. The kinds "point" and "plane" need no part.
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """
-    point = np.asarray(handle.place.position)
-    axis = part.axis
-    chosen: PivotAt = which or ("base" if axis.is_limb or axis.borders == 2 else "middle")
+    point, chosen = np.asarray(handle.place.position), which
     if chosen == "plane" and plane is None:
         raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
-    if chosen != "point":
-        point = {"base": axis.base, "middle": axis.middle, "hinge": axis.hinge[0], "plane": point}[chosen]
-    if plane is not None and (chosen == "plane" or (which is None and part.across)):
+    if part is not None:
+        axis = part.axis
+        chosen = which or ("base" if axis.is_limb or axis.borders == 2 else "middle")
+        point = {"base": axis.base, "middle": axis.middle, "hinge": axis.hinge[0]}.get(chosen, point)
+    assert chosen is not None, "only a part has a default pivot"
+    if plane is not None and (chosen == "plane" or (which is None and part is not None and part.across)):
         point = point - float(plane.signed_distance([point])[0]) * np.asarray(plane.normal)
     return vector("pivot", point), chosen
