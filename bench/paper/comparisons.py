@@ -1,7 +1,7 @@
 """Pages that compare DFD with other methods: Fig. 8, 9, 14 to 16, 21 and 22."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,10 @@ TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 # Shapes of Fig. 9, 16, 21. Control points below LIFTED × the shape's height move down by at most STRETCH × this height.
 STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
+# The cases of Fig. 22. With many fixed points, there are at most MOST_FIXED, each at least AWAY × the diagonal from the
+# handle.
+FEW, MANY = "3 or 4 fixed points", "26 to 30 fixed points"
+MOST_FIXED, AWAY = 30, 0.25
 DENSE_TEXT = (
     "The network of DeepMetaHandles is not available. Instead, farthest point sampling selects fifty control points. "
     "Those near the ground move down, which lengthens the legs."
@@ -55,6 +59,7 @@ class Case:
     targets: Float64  # (C, 3) target positions of the held vertices, in mesh units
     handle: int = 0  # index of DFD's handle in `held`
     dense: bool = False  # True: all held vertices move. False: all held vertices except the handle are fixed.
+    variant: str = ""  # what differs from other cases of the same shape
 
     @property
     def fixed(self) -> Int64:
@@ -186,7 +191,19 @@ def fig15(context: Context) -> Page:
 
 def fig22(context: Context) -> Page:
     """Distortion of the surface by every method: change of area, angles, edges and volume, as in Implicit-ARAP."""
-    return _compared(context, pulls(context, (2, 2)))
+    few = list(pulls(context, (2, 2)))
+    return _compared(context, [replace(case, variant=FEW) for case in few] + [held_by_many(case) for case in few])
+
+
+def held_by_many(case: Case) -> Case:
+    """Return a case with more fixed points: 30 by farthest point sampling, without those near the handle."""
+    vertices, own = case.shape.mesh.vertices, case.held[case.handle]
+    corners = np.unique(case.shape.mesh.faces)
+    spread = corners[farthest(vertices[corners], MOST_FIXED)]
+    apart = np.linalg.norm(vertices[spread] - vertices[own], axis=1) / case.shape.mesh.diagonal
+    fixed = spread[apart > AWAY].astype(np.int64)
+    targets = np.concatenate([case.handle_target, vertices[fixed]])
+    return Case(case.shape, np.append(own, fixed), targets, variant=MANY)
 
 
 def fig21(context: Context) -> Page:
@@ -218,7 +235,7 @@ def _compared(
         context.say(case.shape.name)
         results: dict[str, Float64 | str] = {}  # for each method, the moved vertices (V, 3), or why it failed
         for method in (*PRESET_OF, *(() if all_handles else COMPARED)):
-            row = {"shape": case.shape.name, "method": method}
+            row = {"shape": case.shape.name, "method": method} | ({"variant": case.variant} if case.variant else {})
             try:
                 if preset := PRESET_OF.get(method):
                     moved = pulled(context, case, preset, all_handles=all_handles).vertices
@@ -229,7 +246,8 @@ def _compared(
                 row["note"] = one_line(error) or type(error).__name__
             results[method] = row["note"] or moved
             rows.append(row)
-        pictures.append(drawn(context, case, results, weights=weights))
+        name, found = drawn(context, case, results, weights=weights)
+        pictures.append((f"{name}, {case.variant}" if case.variant else name, found))
     return Page(f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)
 
 

@@ -115,15 +115,19 @@ EQUATION = (
 )
 
 
-def against(metric: str, method: str) -> Rule:
-    """Return a rule: the mean of |`metric`| by DFD divided by that by `method`, over shapes on which `method` works."""
+def against(metric: str, method: str, **where: Any) -> Rule:
+    """Return a rule: the mean of |`metric`| by DFD divided by that by `method`, over shapes on which `method` works.
+
+    Only rows whose columns have the values `where` count.
+    """
 
     def magnitude(found: Any) -> Any:
         return np.abs(found).mean()
 
     def number(rows: Sequence[Row]) -> float:
-        shapes = [row["shape"] for row in rows if row.get("method") == method and not row.get("note")]
-        own, other = (column(metric, magnitude, method=each, shape=shapes)(rows) for each in (OURS, method))
+        some = [row for row in rows if all(row.get(key) == value for key, value in where.items())]
+        shapes = [row["shape"] for row in some if row.get("method") == method and not row.get("note")]
+        own, other = (column(metric, magnitude, method=each, shape=shapes)(some) for each in (OURS, method))
         return own / max(other, 1e-9)
 
     return number
@@ -269,11 +273,12 @@ FIGURES: dict[str, tuple[Claim, ...]] = {
     "fig22": tuple(
         Claim(
             "DFD distorts more",
-            f"change of {metric.split()[0]}, DFD / {method}",
-            against(metric, method),
+            f"change of {metric.split()[0]}, DFD / {method}, {variant}",
+            against(metric, method, variant=variant),
             1,
-            cause=CONSTRAINTS,
+            cause=CONSTRAINTS if variant == comparisons.FEW else "",
         )
+        for variant in (comparisons.FEW, comparisons.MANY)
         for metric in METRICS
         for method in ("ARAP", "biharmonic", "NeuralMLS")
     ),

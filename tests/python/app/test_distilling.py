@@ -14,8 +14,8 @@ from app_page import Page, Shape
 import dfd
 from dfd.app.options import SAMPLES, OpenedFile, SessionOptions, read_shape
 from dfd.app.session import preparation
+from dfd.app.session.course import STAGES, Course
 from dfd.app.web.launch import RunningApp
-from dfd.common.course import STAGES, Course
 from dfd.distillation.distill_apart import LESS_URGENT, distill_apart
 from dfd.distillation.settings import DistillSettings
 from dfd.field.field import Field

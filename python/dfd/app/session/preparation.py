@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from dfd.app.options import SessionOptions, Source, read_mesh
+from dfd.app.session.course import LEARNED, Course
 from dfd.common import check
-from dfd.common.course import LEARNED, Course
 from dfd.distillation.distill_apart import distill_apart
 from dfd.posing.pose import IDENTITY
 

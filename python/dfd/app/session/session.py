@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
+from dfd.app.session.course import ENDS, STAGES
 from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing, quantized
 from dfd.app.session.surface import mesh_message
-from dfd.common.course import ENDS, STAGES
 from dfd.common.devices import out_of_memory
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer

@@ -13,9 +13,9 @@ from pathlib import Path
 import uvicorn
 
 from dfd.app.options import SessionOptions
+from dfd.app.web.access_token import kept_token, new_token
 from dfd.app.web.safety import Rules, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
-from dfd.common.access_token import kept_token, new_token
 
 DEFAULT_PORT = 8765
 
