@@ -19,7 +19,7 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from bench.paper import comparisons, features, figures, page, resolution, subjects
 from bench.paper.__main__ import main
-from bench.paper.comparisons import case_of, constraints, farthest
+from bench.paper.comparisons import FEW, MANY, case_of, constraints, farthest
 from bench.paper.figures import CANNOT, FIGURES, PAGES
 from bench.paper.page import Claim, write
 from bench.paper.peers import PEERS, biharmonic
@@ -184,6 +184,7 @@ def random_table(random: np.random.Generator) -> list[AnyRow]:
         {"method": each, "faces": faces, **({"bind s": None} if faces > largest else {})}
         for each, faces in product((NAMES["paper"], *methods), resolution.FACES)
     ]
+    kinds += [{"method": each, "variant": fixed} for each in (NAMES["paper"], *methods) for fixed in (FEW, MANY)]
     return [AnyRow(each, kind=each.get("method", each.get("variant")), **common) for each in kinds]
 
 

@@ -20,6 +20,7 @@ def test_a_new_step_forgets_what_was_undone():
     history.undo()
     history._record(third)
     assert not history.can_redo
+    assert not history.redo()
     history.undo()
     assert history.edit == first
 
