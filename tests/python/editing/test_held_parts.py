@@ -240,6 +240,13 @@ def test_opening_a_part_rotates_it_about_its_hinge(one):
     np.testing.assert_allclose(transform.pivot[1], HEIGHT, atol=NEAR)
 
 
+def test_motions_that_are_none_change_nothing(one):
+    handle = one.add(30 * AROUND, rotation=(0, 0, 20))
+    before = one.edit
+    one.move(handle, open=None, towards=None, bend=None, pivot=None, joint=None)
+    assert one.edit == before
+
+
 def test_a_default_transform_has_no_part(one):
     with pytest.raises(TypeError, match="'bend' needs the part that a handle holds"):
         one.set_default(bend=30)

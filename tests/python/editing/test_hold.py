@@ -165,3 +165,15 @@ def test_components_keep_their_numbers_and_others_join_the_nearest():
     for number, height in ((0, 0.5), (2, 2.0), (2, 2.5), (1, 3.9)):
         assert set(found[np.abs(nodes.center[:, 1] - height) < 0.1]) == {number}
     assert (found[component < 0] == -1).all()
+
+
+def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
+    """The component is a long bar far from the origin, along the diagonal of x and y."""
+    random = np.random.default_rng(0)
+    along, across = np.array([1.0, 1, 0]) / np.sqrt(2), np.array([1.0, -1, 0]) / np.sqrt(2)
+    start, sizes = np.array([30.0, -50, 10]), np.array([10.0, 2.0, 1.0])
+    axes = np.stack([along, across, (0, 0, 1)])
+    points = start + (sizes * random.uniform(-0.5, 0.5, (400, 3))) @ axes
+    others = start + np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)]) @ axes
+    assert module._in_box(points, others).tolist() == [True, True, False, True, False, False]
+    assert module._in_box(points[:1], points[:2]).tolist() == [True, False]

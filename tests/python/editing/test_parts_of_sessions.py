@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
+from made_field import field_of
 
 import dfd
 from dfd.editing.edit_file import from_document, to_document
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
 from dfd.editing.verbs import next_level
 
@@ -96,3 +99,16 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
     assert again.handles[0].controls.reach == "part"
     assert np.array_equal(again.weights, session.weights)
+
+
+def test_on_a_shape_without_parts_the_features_give_the_weights():
+    made = trimesh.creation.icosphere(3)
+    ball = dfd.Mesh(made.vertices, made.faces)
+    session = dfd.Deformer(ball, field_of(ball))
+    handle = session.add(0, translation=(0.1, 0.2, 0))
+    weights = dfd.bind(session.features, [0], reach=PARTLESS_REACH, falloff="smooth")
+    np.testing.assert_allclose(session.weights, weights, atol=1e-6)
+    np.testing.assert_allclose(session.following, weights, atol=1e-6)
+    assert session.bound.reach(session.edit, session.handle(handle)) == PARTLESS_REACH
+    assert session.report().handles[0].note == "with weights by features, because it lies on no part"
+    assert session.report().handles[0].arrived

@@ -149,12 +149,21 @@ def test_who_bends_a_part_without_an_axis_is_told_a_level_that_has_one(quadruped
         given.bend(given.add(at, level=level), 40)
         return str(given.report())
 
-    named = set()
-    for at, level in [("bottom", -1), ("0,0.7,0", -2), ("0,0.7,0", -1), ("0,0.55,0.2", -1), ("0,0.55,0.2", 0)]:
+    named, notes = set(), []
+    for at, level in [
+        ("bottom", -1),
+        ("0,0.7,0", -2),
+        ("0,0.7,0", -1),
+        ("0,0.55,0.2", -1),
+        ("0,0.55,0.2", 0),
+        (401, -2),
+    ]:
         try:
             said = bent(at, level)
+            notes.append(said)
         except ValueError as error:
             said = str(error)
         named |= {(at, int(found)) for found in re.findall(r"level (-?\d+) has one", said)}
     assert len(named) >= 2
+    assert any(re.search(r"could bend \(level -?\d+ has one\)", said) for said in notes)
     assert all("turned as a whole" not in bent(at, level) for at, level in named)
