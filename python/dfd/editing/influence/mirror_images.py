@@ -76,7 +76,7 @@ def _refined(one: Component, other: Component, reflection: Float64, most: float)
         kept = np.argsort(apart)[: int(KEPT * len(apart))]
         here, there = one.points[kept], other.points[nearest[kept]]
         delta = here.mean(axis=0) - there.mean(axis=0)
-        cross = (here - here.mean(axis=0)).T @ (there - there.mean(axis=0))
+        cross = here.T @ (there - there.mean(axis=0))
         # The normal minimizes Σ ‖R x − y‖² over the matches x, y, for the reflection R with the best offset.
         normal = np.linalg.eigh(2 * (cross + cross.T) - len(here) * np.outer(delta, delta))[1][:, 0]
         reflection = _reflection(normal, float(normal @ (here.mean(axis=0) + there.mean(axis=0))) / 2)
