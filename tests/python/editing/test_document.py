@@ -19,6 +19,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import MadeOn, edit_schema, from_document, read_edit, to_document, write_edit
 from dfd.editing.points import Place, place_on
+from dfd.editing.regions import Box
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
@@ -125,6 +126,14 @@ def test_a_short_document_by_hand_is_enough(mesh):
     )
 
 
+def test_a_region_alone_is_a_place(mesh):
+    box = {"kind": "box", "low": [-9, -9, -9], "high": [9, 9, 9]}
+    said = {"format": "dfd-edit", "version": 1, "handles": [{"region": box}]}
+    place = from_document(said, mesh).handles[0].place
+    assert place.region == Box((-9, -9, -9), (9, 9, 9))
+    np.testing.assert_allclose(place.position, mesh.bounds.mean(axis=0))
+
+
 def test_missing_ids_are_given_around_those_that_are_there(mesh):
     handles = [{"vertex": 0}, {"vertex": 1, "id": 1}, {"vertex": 2}, {"vertex": 3, "id": 7}]
     edit = from_document({"format": "dfd-edit", "version": 1, "handles": handles}, mesh)
@@ -177,6 +186,9 @@ def test_an_edit_of_another_shape_is_refused(document):
     stranger = Mesh(stranger.vertices * [1, 1, 2], stranger.faces)
     with pytest.raises(ValueError, match=r"`mesh.bounds` must be those of this mesh.*transfer transfers it"):
         from_document(document, stranger)
+    with pytest.warns(UserWarning, match="are found by position"):
+        accepted = from_document(document, stranger, other_shape=True)
+    assert len(accepted.handles) == len(document["handles"])
 
 
 def test_a_vertex_without_a_position_holds_only_for_its_own_mesh(mesh, document):

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from made_field import made_field
+from made_field import field_of, made_field
 from sheet import grid
 
 import dfd
-from dfd.editing.points import find, nearest_vertex, place_on
+from dfd.editing.influence.handle_features import HandleFeatures
+from dfd.editing.points import Place, find, nearest_vertex, place_on
 from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 
 
@@ -197,3 +198,19 @@ def test_a_side_of_a_plane_keeps_its_exact_values(normal):
 def test_what_is_no_region_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_region_holds_the_places_whose_vertices_it_contains():
+    mesh = grid(9)
+    rows = HandleFeatures(mesh, field_of(mesh))
+    whole, middle = (place_on(mesh, Box((-x, -1, 0), (x, 1, 1))) for x in (0.6, 0.3))
+    corner = place_on(mesh, int(mesh.vertices[:, 0].argmin()))
+    for place, other, held in (
+        (whole, middle, True),
+        (middle, whole, False),
+        (whole, corner, True),
+        (middle, corner, False),
+        (whole, Place(tuple(mesh.vertices[3] + 1e-3)), False),  # a point in space has no vertex
+        (corner, corner, False),  # no region
+    ):
+        assert rows.holds(place, other) == held
