@@ -59,7 +59,7 @@ class Trees:
         """Build the trees from `features` (P, D) of the patches."""
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
         smooth = smoothed(patches, features)
-        spread = float(np.sqrt(patches.area @ np.square(smooth - patches.area @ smooth).sum(axis=1)))
+        spread = float(np.sqrt(patches.area @ np.square(smooth).sum(axis=1)))  # smoothing keeps the mean, which is 0
         self.values = smooth / max(spread, TINY)
         one, other = patches.borders.pairs.T
         self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)

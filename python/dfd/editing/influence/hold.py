@@ -271,7 +271,7 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
         (2 * deviation**2 / np.maximum(among.data, 1e-3 * deviation), among.indices, among.indptr), shape=among.shape
     )
     conductance = conductance @ diags_array(known.astype(np.float64))
-    mass = np.asarray(among.sum(axis=1)).ravel() + 1e-9 * deviation
+    mass = np.asarray(among.sum(axis=1)).ravel()
     within = conductance[:, free]
     total = np.asarray(conductance.sum(axis=1)).ravel()
     values = np.where(known, field, 0.0)

@@ -1,0 +1,76 @@
+"""Test how the border of a part moves to a crease, on a strip of places."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dfd.segmentation.border import LARGEST_MOVE, snapped
+from dfd.segmentation.patches import Borders, _contracted
+
+PLACES, PER_PATCH, ROWS = 32, 4, 3
+STEP = 0.01  # distance between neighboring places
+
+
+def strip(crease: int | None, links: tuple[tuple[int, int], ...] = ()) -> SimpleNamespace:
+    """Return the patches of a strip of `ROWS` rows of places, with a concave crease before the column `crease`.
+
+    A patch has `PER_PATCH` columns. `links` are pairs of places that are joined across a gap.
+    """
+    number = np.arange(ROWS * PLACES).reshape(ROWS, PLACES)
+    one = np.concatenate([number[:, :-1].ravel(), number[:-1].ravel(), [a for a, _ in links]]).astype(np.int64)
+    other = np.concatenate([number[:, 1:].ravel(), number[1:].ravel(), [b for _, b in links]]).astype(np.int64)
+    row, column = np.divmod(np.arange(ROWS * PLACES), PLACES)
+    if links:
+        count = max(max(pair) for pair in links) + 1
+        row, column = np.append(row, np.zeros(count - len(row))), np.append(column, np.arange(count - len(column)) + 99)
+    center = STEP * np.stack([column, row, 0 * row], axis=1)
+    lean = np.where(column < (np.inf if crease is None else crease), 0.6, -0.6) * (crease is not None)
+    normal = np.stack([lean, 0 * lean, np.sqrt(1 - lean**2)], axis=1)
+    length = np.where(np.arange(len(one)) < len(one) - len(links), STEP, 0.0)
+    of_place = np.minimum(column, PLACES - 1).astype(np.int64) // PER_PATCH
+    places = Borders(np.stack([one, other], axis=1), length, center, normal)
+    pairs, along = _contracted(of_place, places.pairs, length, PLACES // PER_PATCH)
+    middle = np.stack([np.bincount(of_place, axis) / np.bincount(of_place) for axis in center.T], axis=1)
+    patches = Borders(pairs, along, middle, np.tile([0.0, 0, 1], (len(middle), 1)))
+    return SimpleNamespace(place_borders=places, borders=patches, of_place=of_place, spacing=PER_PATCH * STEP)
+
+
+def column_of_border(patches: SimpleNamespace, first: int = 4, held: int | None = None) -> list[int]:
+    """Return the first column of each row outside the part, if the part has the patches before `first`."""
+    inside = np.arange(PLACES // PER_PATCH) < first
+    found = snapped(patches, inside, held)[: ROWS * PLACES].reshape(ROWS, PLACES)
+    assert all((np.diff(row.astype(int)) <= 0).all() for row in found)
+    return found.sum(axis=1).tolist()
+
+
+@pytest.mark.parametrize("crease", [14, 16, 18])
+def test_a_border_moves_to_a_crease_nearby(crease):
+    assert column_of_border(strip(crease)) == [crease] * ROWS
+
+
+def test_a_border_moves_at_most_three_quarters_of_a_patch():
+    reach = int(LARGEST_MOVE * PER_PATCH)
+    assert column_of_border(strip(16 + reach)) == [16 + reach] * ROWS
+    assert column_of_border(strip(16 + reach + 2))[0] <= 16 + reach
+
+
+def test_a_part_of_one_patch_keeps_its_middle():
+    moved = column_of_border(strip(1), first=1)
+    assert moved[0] > 1
+
+
+def test_the_held_place_stays_in_the_part():
+    assert snapped(strip(14), np.arange(8) < 4)[15] == np.False_
+    assert snapped(strip(14), np.arange(8) < 4, held=15)[15]
+
+
+def test_a_part_without_a_border_does_not_change():
+    assert snapped(strip(14), np.ones(8, bool)).all()
+
+
+def test_places_across_a_gap_follow_the_place_to_which_they_are_linked():
+    """A loose place belongs to the last patch, and a link joins it to a place inside the part."""
+    inside = np.arange(8) >= 4
+    found = snapped(strip(18, ((PLACES - 1, ROWS * PLACES),)), inside)
+    assert found[ROWS * PLACES]
