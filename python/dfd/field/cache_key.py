@@ -13,7 +13,7 @@ from dfd.mesh.mesh import Mesh
 
 # Increase this version if a change of the code gives another field or file for the same mesh, encoder and settings. The
 # cache ignores fields of other versions. The test `test_golden_field.py` fails after such a change.
-FIELD_VERSION = 3
+FIELD_VERSION = 4
 
 
 def cache_key(mesh: Mesh, **settings: Any) -> dict[str, Any]:

@@ -45,6 +45,8 @@ def error(found: np.ndarray | None, one: Component) -> float:
 
 def test_the_plane_of_the_shape_is_used_as_it_is_if_it_fits(pair):
     np.testing.assert_array_equal(mirror_image(*pair, [plane_of(60), plane_of()]), plane_of().reflection[:3])
+    near = plane_of(0, 0.82)
+    np.testing.assert_array_equal(mirror_image(*pair, [near]), near.reflection[:3])
 
 
 @pytest.mark.parametrize("offset", [0.72, 0.9])
@@ -56,6 +58,7 @@ def test_a_plane_that_nearly_fits_is_improved(pair, offset):
 
 def test_a_plane_that_does_not_fit_is_no_mirror_image(pair):
     assert mirror_image(*pair, [plane_of(30), plane_of(0, 2.0)]) is None
+    assert mirror_image(*pair, [plane_of(0, 0.95)]) is None  # it misses by 0.07 of the size
 
 
 def test_without_planes_the_plane_between_both_is_found(pair):
