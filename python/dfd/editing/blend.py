@@ -23,10 +23,10 @@ def blend_of(mesh: Mesh, edit: Edit, weights: Float32, columns: Sequence[Column]
         "blend": edit.blending,
     }
     if blends_nested(edit, columns):
-        for number in sorted(range(len(columns)), key=lambda each: len(columns[each].carriers)):
-            if columns[number].carriers:
-                at = columns[number].counterpart.vertex
-                found["transforms"][number, :, 3] += _missing(rest[at], weights[at], number, found)
+        nested = [number for number, column in enumerate(columns) if column.carriers]
+        for number in sorted(nested, key=lambda each: len(columns[each].carriers)):
+            at = columns[number].counterpart.vertex
+            found["transforms"][number, :, 3] += _missing(rest[at], weights[at], number, found)
     return found
 
 

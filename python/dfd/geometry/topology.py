@@ -63,7 +63,7 @@ def inspect(mesh: Mesh) -> Topology:
         boundary_edges=int((uses == 1).sum()),
         non_manifold_edges=int((uses > 2).sum()),
         degenerate_faces=int((~_has_area(mesh.vertices, faces)).sum()),
-        duplicate_faces=len(faces) - len(distinct_faces(mesh)),
+        duplicate_faces=int((~are_distinct(faces)).sum()),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
         extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
         parts=len(mesh.parts),

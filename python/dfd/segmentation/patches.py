@@ -125,9 +125,8 @@ class Patches:
         total, self._middle = _area_and_middle(mesh, faces)
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
         graph, center, normal = self._find_places(mesh, faces)
-        self._find_patches(
-            graph, center, normal, planes, _things_of_places(mesh, self.nodes, self.place, self.node_of_place)
-        )
+        things = _things_of_places(mesh, self.nodes, self.place, self.node_of_place)
+        self._find_patches(graph, center, normal, planes, things)
 
     def _find_places(self, mesh: Mesh, faces: Int32) -> tuple[csr_array, Float64, Float64]:
         """Set the attributes of places. Return their distances (M, M), centers (M, 3) and mean normals (M, 3)."""

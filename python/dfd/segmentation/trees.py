@@ -78,12 +78,11 @@ class Trees:
 
     def _tree(self, features: float) -> tuple[Bool, Float64]:
         """Return the orbits (T, L) in each node of a tree, and its persistence, for a weight of the mean features."""
-        children, heights = self._merged(features)
-        area = np.bincount(self.patches.orbit, self.patches.area)
-        leaves = len(area)
-        size, area = np.ones(leaves + len(children), np.int64), np.append(area, np.zeros(len(children)))
+        children, heights, area = self._merged(features)
+        leaves = len(area) - len(children)
+        size = np.ones(len(area), np.int64)
         for node, (one, other) in enumerate(children, start=leaves):
-            size[node], area[node] = size[one] + size[other], area[one] + area[other]
+            size[node] = size[one] + size[other]
         # In the order of a walk through the tree, the leaves of a node are consecutive.
         start, height = np.zeros(len(size), np.int64), np.concatenate([np.zeros(leaves), heights])
         limit = height.copy()
@@ -148,10 +147,11 @@ class Trees:
         label = self.labels(inside)
         return [label == number for number in np.unique(label[inside])]
 
-    def _merged(self, features: float) -> tuple[list[list[int]], Float64]:
-        """Return the children of each inner node, and the strength of the boundary between them, never decreasing.
+    def _merged(self, features: float) -> tuple[list[list[int]], Float64, Float64]:
+        """Return the children of each inner node, the strength of the boundary between them, and all nodes' areas.
 
-        `features` is the weight of the distance of the regions' mean features, beside the strength of the boundary.
+        The strengths never decrease. `features` is the weight of the distance of the regions' mean features, beside the
+        strength of the boundary.
         """
         patches, orbit = self.patches, self.patches.orbit
         leaves = int(orbit.max()) + 1
@@ -196,7 +196,7 @@ class Trees:
                 beside[number][new] = sums
                 heapq.heappush(queue, (cost(number, new), number, new))
             beside[one] = beside[other] = {}
-        return children, np.maximum.accumulate(heights) if heights else np.zeros(0)
+        return children, np.maximum.accumulate(heights) if heights else np.zeros(0), np.array(sizes)
 
     def _boundaries(self, leaves: int) -> list[dict[int, tuple[float, float]]]:
         """Return, for each leaf, its neighbors, each with the length of the boundary and its strength times length."""

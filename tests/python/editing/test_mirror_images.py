@@ -10,10 +10,10 @@ from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
 
-def hook(sides: float = 1.0) -> dfd.Mesh:
-    """Return a bent tube that is its own mirror image in no plane. `sides` scales its hook."""
+def hook() -> dfd.Mesh:
+    """Return a bent tube that is its own mirror image in no plane."""
     along = np.linspace(0, 1, 60)
-    center = np.stack([along, 0.4 * np.sin(4 * along), sides * 0.5 * along**2 * np.cos(3 * along)], axis=1)
+    center = np.stack([along, 0.4 * np.sin(4 * along), 0.5 * along**2 * np.cos(3 * along)], axis=1)
     return tube(center, 0.12 - 0.08 * along)
 
 

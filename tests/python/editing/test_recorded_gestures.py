@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recording import rounded, same
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
@@ -119,21 +120,16 @@ def told(name, gesture):
     }
 
 
-def same(one, other):
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    return one == other if one is None or isinstance(one, str) else bool(np.isclose(one, other, rtol=1e-3, atol=2e-5))
-
-
 @pytest.mark.parametrize("name", ["quadruped", "robot"])
 @pytest.mark.parametrize("gesture", GESTURES)
 def test_a_gesture_gives_the_recorded_shape(name, gesture):
     now, key = told(name, gesture), f"{name}: {gesture}"
     recorded = json.loads(RECORDED.read_text()) if RECORDED.exists() else {}
     if os.environ.get("DFD_RECORD"):
-        rounded = json.loads(json.dumps(now), parse_float=lambda number: float(f"{float(number):.5g}"))
-        recorded[key] = rounded
+        recorded[key] = rounded(now, 5)
         lines = ",\n".join(f"{json.dumps(each)}: {json.dumps(recorded[each])}" for each in sorted(recorded))
         RECORDED.write_text(f"{{\n{lines}\n}}\n")
-    differ = {each: (now[each], recorded[key][each]) for each in now if not same(now[each], recorded[key][each])}
+    differ = {
+        each: (now[each], recorded[key][each]) for each in now if not same(now[each], recorded[key][each], 1e-3, 2e-5)
+    }
     assert not differ

@@ -12,34 +12,34 @@ PLACES, PER_PATCH, ROWS = 32, 4, 3
 STEP = 0.01  # distance between neighboring places
 
 
-def strip(crease: int | None, links: tuple[tuple[int, int], ...] = ()) -> SimpleNamespace:
+def strip(crease: int, linked: int | None = None) -> SimpleNamespace:
     """Return the patches of a strip of `ROWS` rows of places, with a concave crease before the column `crease`.
 
-    A patch has `PER_PATCH` columns. `links` are pairs of places that are joined across a gap.
+    A patch has `PER_PATCH` columns. If given, `linked` is a place to which a gap joins one more place, the last one.
     """
     number = np.arange(ROWS * PLACES).reshape(ROWS, PLACES)
-    one = np.concatenate([number[:, :-1].ravel(), number[:-1].ravel(), [a for a, _ in links]]).astype(np.int64)
-    other = np.concatenate([number[:, 1:].ravel(), number[1:].ravel(), [b for _, b in links]]).astype(np.int64)
-    row, column = np.divmod(np.arange(ROWS * PLACES), PLACES)
-    if links:
-        count = max(max(pair) for pair in links) + 1
-        row, column = np.append(row, np.zeros(count - len(row))), np.append(column, np.arange(count - len(column)) + 99)
+    pairs = [
+        np.stack([a.ravel(), b.ravel()], 1) for a, b in ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
+    ]
+    joined = np.concatenate(pairs if linked is None else [*pairs, [[linked, number.size]]])
+    row, column = np.divmod(np.arange(joined.max() + 1), PLACES)
+    column[number.size :] = 99
     center = STEP * np.stack([column, row, 0 * row], axis=1)
-    lean = np.where(column < (np.inf if crease is None else crease), 0.6, -0.6) * (crease is not None)
+    lean = np.where(column < crease, 0.6, -0.6)
     normal = np.stack([lean, 0 * lean, np.sqrt(1 - lean**2)], axis=1)
-    length = np.where(np.arange(len(one)) < len(one) - len(links), STEP, 0.0)
-    of_place = np.minimum(column, PLACES - 1).astype(np.int64) // PER_PATCH
-    places = Borders(np.stack([one, other], axis=1), length, center, normal)
-    pairs, along = _contracted(of_place, places.pairs, length, PLACES // PER_PATCH)
+    length = np.where(joined.max(axis=1) < number.size, STEP, 0.0)
+    of_place = np.minimum(column, PLACES - 1) // PER_PATCH
+    places = Borders(joined, length, center, normal)
+    of_patches, along = _contracted(of_place, joined, length, PLACES // PER_PATCH)
     middle = np.stack([np.bincount(of_place, axis) / np.bincount(of_place) for axis in center.T], axis=1)
-    patches = Borders(pairs, along, middle, np.tile([0.0, 0, 1], (len(middle), 1)))
+    patches = Borders(of_patches, along, middle, np.tile([0.0, 0, 1], (len(middle), 1)))
     return SimpleNamespace(place_borders=places, borders=patches, of_place=of_place, spacing=PER_PATCH * STEP)
 
 
-def column_of_border(patches: SimpleNamespace, first: int = 4, held: int | None = None) -> list[int]:
+def column_of_border(patches: SimpleNamespace, first: int = 4) -> list[int]:
     """Return the first column of each row outside the part, if the part has the patches before `first`."""
     inside = np.arange(PLACES // PER_PATCH) < first
-    found = snapped(patches, inside, held)[: ROWS * PLACES].reshape(ROWS, PLACES)
+    found = snapped(patches, inside)[: ROWS * PLACES].reshape(ROWS, PLACES)
     assert all((np.diff(row.astype(int)) <= 0).all() for row in found)
     return found.sum(axis=1).tolist()
 
@@ -61,7 +61,7 @@ def test_a_part_of_one_patch_keeps_its_middle():
 
 
 def test_the_held_place_stays_in_the_part():
-    assert snapped(strip(14), np.arange(8) < 4)[15] == np.False_
+    assert not snapped(strip(14), np.arange(8) < 4)[15]
     assert snapped(strip(14), np.arange(8) < 4, held=15)[15]
 
 
@@ -72,5 +72,5 @@ def test_a_part_without_a_border_does_not_change():
 def test_places_across_a_gap_follow_the_place_to_which_they_are_linked():
     """A loose place belongs to the last patch, and a link joins it to a place inside the part."""
     inside = np.arange(8) >= 4
-    found = snapped(strip(18, ((PLACES - 1, ROWS * PLACES),)), inside)
+    found = snapped(strip(18, PLACES - 1), inside)
     assert found[ROWS * PLACES]

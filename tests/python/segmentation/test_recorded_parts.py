@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from recording import rounded, same
 
 import dfd
 from bench.training.made_shapes import made_shape
@@ -21,6 +22,7 @@ from dfd.segmentation.parts import Parts
 
 RECORDED = Path(__file__).parent / "recorded"
 PLACES, LEVELS = 16, (-2, -1, 0, 1)
+TOLERANCES = 1e-4, 1e-6  # relative and absolute
 DIFFERENT = 1  # number of places at which another machine may choose another part, because two are nearly as likely
 
 
@@ -99,22 +101,11 @@ def told(mesh, parts):
     return {"shape": own, "cut": cut, "places": [found_at(parts, vertex) for vertex in places]}
 
 
-def same(one, other):
-    """Return whether two documents have the same numbers, up to rounding."""
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    return bool(np.isclose(one, other, rtol=1e-4, atol=1e-6))
-
-
 def written(document):
     """Return the text of a document: one line for the shape, for the cut and for each place."""
-    rounded = json.loads(json.dumps(document), parse_float=lambda number: float(f"{float(number):.6g}"))
-    places = ",\n".join(map(json.dumps, rounded["places"]))
-    return (
-        f'{{"shape": {json.dumps(rounded["shape"])},\n"cut": {json.dumps(rounded["cut"])},\n"places": [\n{places}]}}\n'
-    )
+    few = rounded(document, 6)
+    places = ",\n".join(map(json.dumps, few["places"]))
+    return f'{{"shape": {json.dumps(few["shape"])},\n"cut": {json.dumps(few["cut"])},\n"places": [\n{places}]}}\n'
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -123,8 +114,8 @@ def test_parts_are_the_recorded_ones(name):
     if os.environ.get("DFD_RECORD"):
         file.write_text(written(now))
     recorded = json.loads(file.read_text())
-    assert same(now["shape"], recorded["shape"]), (now["shape"], recorded["shape"])
-    assert same(now["cut"], recorded["cut"])
+    assert same(now["shape"], recorded["shape"], *TOLERANCES), (now["shape"], recorded["shape"])
+    assert same(now["cut"], recorded["cut"], *TOLERANCES)
     pairs = enumerate(zip(now["places"], recorded["places"], strict=True))
-    differ = [number for number, (one, other) in pairs if not same(one, other)]
+    differ = [number for number, (one, other) in pairs if not same(one, other, *TOLERANCES)]
     assert len(differ) <= DIFFERENT, {n: (now["places"][n], recorded["places"][n]) for n in differ}
