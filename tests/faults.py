@@ -173,7 +173,7 @@ def _nodes(tree: ast.AST) -> Iterator[ast.expr | ast.stmt]:
                 continue
             case ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
                 continue
-            case ast.keyword(arg="axis" | "eq" | "finite" | "frozen" | "strict" | "total"):
+            case ast.keyword(arg="axis" | "eq" | "finite" | "frozen" | "repr" | "strict" | "total"):
                 continue
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue

@@ -157,7 +157,7 @@ class Patches:
         of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
         self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
-        self.area = np.bincount(self.of_place, weight, count).astype(np.float64, copy=False)
+        self.area = np.asarray(np.bincount(self.of_place, weight, count), np.float64)
         own = self.area[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
         self.orbit = _orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)

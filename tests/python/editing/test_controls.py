@@ -6,6 +6,7 @@ from prepared import sessions_on
 
 import dfd
 from dfd.editing.controls import Controls, controls_of, length_on
+from dfd.editing.points import Place
 from dfd.editing.regions import Ball, HalfSpace
 from dfd.posing.transforms import frame_of_normal
 
@@ -238,3 +239,32 @@ def test_names_that_are_not_settings_are_refused(session, verb, given, message):
     first = {"add": [6], "set_default": []}.get(verb, [handle])
     with pytest.raises(TypeError, match=message):
         getattr(session, verb)(*first, **{given: 2})
+
+
+def test_weights_that_fixed_points_subtract_are_their_largest(session, paper, chair, labeled, mesh):
+    """A handle on a region keeps, at each of its vertices, what the fixed points leave there."""
+    fixed = (3, 0.5), (900, 0.9), ("y>0.9", 0.8)
+    for place, strength in fixed:
+        session.fix(place, strength=strength)
+    subtracted = session.bound.by_features.subtracted(session.fixed)
+    wanted = np.zeros(len(mesh.vertices))
+    for place, strength in fixed:
+        chosen = np.flatnonzero(mesh.vertices[:, 1] >= 0.9) if place == "y>0.9" else [place]
+        apart = np.linalg.norm(labeled[:, None] - labeled[chosen], axis=2).min(axis=1)
+        wanted = np.maximum(wanted, strength * np.maximum(1 - apart, 0))
+    np.testing.assert_allclose(subtracted, wanted, atol=0.03)  # a region is represented by 32 of its vertices
+    on_region = mesh.vertices[:, 1] >= 0.9
+    np.testing.assert_allclose(subtracted[on_region], np.maximum(wanted[on_region], 0.8), atol=1e-6)
+
+
+def test_excluded_counterparts_are_places():
+    for wrong in ((5,), [Place((0, 0, 0))], (Place((0, 0, 0), region=Ball((0, 0, 0), 1)),)):
+        with pytest.raises(ValueError, match="`excluded_counterparts` must be places that are points"):
+            Controls(excluded_counterparts=wrong)
+
+
+def test_a_handle_without_strength_has_no_part_that_bends(session, foot):
+    handle = session.add(foot, strength=0)
+    assert session.bound.bendable_parts(session.edit, session.handle(handle)) == []
+    with pytest.raises(ValueError, match="`open` needs a part with an axis"):
+        session.move(handle, open=20)

@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
 from dfd.editing.influence import counterparts
@@ -162,6 +163,16 @@ def test_components_far_apart_are_counterparts_too():
     np.testing.assert_array_equal(shares[1, ~on_the_first], 1)
 
 
+def test_a_piece_without_a_component_follows_the_nearest_ones_more():
+    """The pieces lie at x = 0, 100 and 200, and no surface connects them. The last one has no component."""
+    mesh = sheet(copies=3)
+    component = np.repeat([0, 1, -1], SIDE * SIDE)
+    shares = everywhere(mesh, component)[:, component < 0]
+    near, far = 1 + 99 / mesh.diagonal, 1 + 199 / mesh.diagonal
+    left = near**2 / far**2 - 0.03
+    np.testing.assert_allclose(shares[0], left / (left + 0.97), atol=0.01)
+
+
 def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
@@ -180,3 +191,20 @@ def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     assert [each.vertex for each in clustered] == [each.vertex for each in exact]
     np.testing.assert_allclose(clustered_shares.sum(axis=0), 1, atol=1e-5)
     assert np.abs(clustered_shares - shares).mean() < 0.04
+
+
+def test_a_mirror_image_of_a_mirror_image_has_the_product_of_both_reflections():
+    """The third hook is no mirror image of the first one, but of the second one, in a plane that no origin lies on."""
+    first, second = plane_of(), SymmetryPlane((0.0, 0.0, 1.0), 3.0)
+    one = hook()
+    images = [one.vertices, first.reflect(one.vertices)]
+    images.append(second.reflect(images[1]))
+    faces = np.concatenate([one.faces + number * len(one.vertices) for number in range(3)])
+    mesh = Mesh(np.concatenate(images), faces)
+    component = np.repeat(np.arange(3), len(one.vertices))
+    weights = np.linspace(1, 0.5, len(mesh.vertices)).astype(np.float32)
+    _, middle, last = find(mesh, weights, 700, component, first, second)
+    np.testing.assert_array_equal(middle.image, first.reflection[:3])
+    np.testing.assert_allclose(last.image, (second.reflection @ first.reflection)[:3], atol=1e-12)
+    np.testing.assert_allclose(last.position, images[2][700], atol=1e-9)
+    assert last.vertex == 2 * len(one.vertices) + 700

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.editing.edit import symmetry_on
 from dfd.editing.edit import Edit, Fixed
 from dfd.editing.points import Place
 from dfd.posing.transforms import Transform
@@ -112,6 +113,11 @@ def test_a_plane_beside_the_shape_is_refused(deformer):
         deformer.set_symmetry("x=100")
 
 
+def test_without_a_field_auto_is_no_plane(mesh):
+    with pytest.raises(ValueError, match=r"`plane` must .*, got 'auto'"):
+        symmetry_on(mesh, "auto")
+
+
 def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
     planes = [SymmetryPlane((0.0, 0.6, 0.8), 0.5, 0.02, band=0.1), SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05)]
     with mock.patch("dfd.editing.edit.symmetry_planes", return_value=planes):
@@ -161,6 +167,8 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
     deformer.change(handle, at=900, name="seat")
     np.testing.assert_allclose(deformer.vertices[900], mesh.vertices[900], atol=1e-6)
     assert deformer.handle(handle).place.vertex == 900
+    assert deformer.handle(handle).name == "seat"
+    deformer.change(handle, at=901)
     assert deformer.handle(handle).name == "seat"
 
 
@@ -264,3 +272,16 @@ def test_it_says_what_it_holds(deformer):
     assert re.fullmatch(r"Handle\(id=1, place=Place\(position=\(.*\), vertex=5\), transform=Transform\(.*\)\)", shown)
     assert shown.endswith("transform=Transform(translation=(0.0, 1.0, 0.0)))")
     assert repr(deformer.report()).startswith("Report('moved ")
+
+
+def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, mesh):
+    """The displacements of Eq. 1 are divided by the sum of all weights, so a handle that rests counts, too."""
+    paper.add(5, translation=(0, 0.2, 0))
+    alone = paper.vertices
+    other = int(np.argsort(np.abs(paper.weights[:, 0] - 0.6))[0])
+    paper.add(other)
+    both = fresh("paper")
+    both.add(5, translation=(0, 0.2, 0))
+    both.add(other)
+    np.testing.assert_array_equal(paper.vertices, both.vertices)
+    assert np.abs(paper.vertices - alone).max() > 0.01

@@ -5,6 +5,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ import dfd
 from dfd.editing import edit_file
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.edit_file import MadeOn, edit_schema, from_document, read_edit, to_document, write_edit
+from dfd.editing.edit_file import MadeOn, edit_schema, from_document, read_edit, read_made_on, to_document, write_edit
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import Box
 from dfd.mesh.mesh import Mesh
@@ -372,3 +373,37 @@ def test_a_missing_file_and_a_folder_are_named(mesh, tmp_path):
     for path in (tmp_path / "none.json", tmp_path):
         with pytest.raises(OSError, match=f"{re.escape(str(path))}: the edit could not be read"):
             read_edit(path, mesh)
+
+
+def test_bytes_that_are_no_text_are_refused_with_the_place_of_the_first(mesh, tmp_path):
+    path = tmp_path / "bytes.json"
+    path.write_bytes(b'{"format": "\xff"}')
+    with pytest.raises(ValueError, match=f"{re.escape(str(path))}: an edit must be UTF-8 text, but byte 12 is not"):
+        read_edit(path, mesh)
+
+
+# --- the files on which an edit was made
+
+
+def test_a_file_names_the_mesh_and_the_field_relative_to_its_folder(edit, mesh, tmp_path):
+    mesh.save(tmp_path / "shape.ply")
+    field_of(mesh).save(tmp_path / "near.safetensors")
+    (tmp_path / "edits").mkdir()
+    shape, field = dfd.load(tmp_path / "shape.ply"), dfd.Field.load(tmp_path / "near.safetensors")
+    for path, expected in (("one.json", "shape.ply"), ("edits/one.json", str(tmp_path.resolve() / "shape.ply"))):
+        write_edit(tmp_path / path, edit, shape, field)
+        made_on = json.loads((tmp_path / path).read_text())["made_on"]
+        assert made_on["mesh"] == expected
+        assert made_on["field"] == expected.replace("shape.ply", "near.safetensors")
+        assert read_made_on(tmp_path / path)[0].samefile(tmp_path / "shape.ply")
+        assert made_on["field_sha256"] == read_made_on(tmp_path / path)[2] == field.source.sha256
+
+
+def test_a_mesh_from_memory_and_names_that_are_no_text_are_left_out(edit, mesh, tmp_path):
+    field_of(mesh).save(tmp_path / "near.safetensors")
+    write_edit(tmp_path / "one.json", edit, mesh, dfd.Field.load(tmp_path / "near.safetensors"))
+    assert json.loads((tmp_path / "one.json").read_text())["made_on"]["mesh"] is None
+    write_edit(tmp_path / "one.json", edit, mesh, made_on=MadeOn("odd\udc80.ply", "near.safetensors"))
+    made_on = json.loads((tmp_path / "one.json").read_text())["made_on"]
+    assert (made_on["mesh"], Path(made_on["field"]).name) == (None, "near.safetensors")
+    assert read_made_on(tmp_path / "one.json")[0] is None

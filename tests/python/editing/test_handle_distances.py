@@ -30,3 +30,11 @@ def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geo
     wanted = dfd.bind(deformer.features, [vertex], geodesic=both[None], locality=3.0)
     np.testing.assert_array_equal(deformer.weights[:, :1], wanted)
     assert bound == [1, 1, 1]
+
+
+def test_in_the_paper_s_preset_distances_start_at_the_handle_alone(paper, geodesics_of):
+    geodesics = geodesics_of(paper)
+    paper.set_symmetry("x")
+    paper.add(5, locality=3.0)
+    _ = paper.weights
+    assert geodesics.asked == [[5]]

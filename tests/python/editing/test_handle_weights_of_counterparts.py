@@ -141,12 +141,12 @@ def test_equalize_compensates_for_features_and_not_for_distance(session, sample,
     assert session.following[leg(sample, 2), 0].max() < 0.7
 
 
-def test_equalize_does_not_change_counterparts_of_low_similarity(session, sample, mesh, asked, foot, monkeypatch):
-    monkeypatch.setattr(handle_weights, "LEAST_EQUALIZED", 0.8)  # the weights of the back legs are about 0.5
-    session.add(foot, translation=(0, -0.2, 0), reach=0.7)
-    front, back = leg(sample, 1), leg(sample, 2)
-    np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
-    assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
+@pytest.mark.parametrize(("weight", "raised"), [(0.08, 0.08), (0.12, 1.0), (0.18, 1.0)])
+def test_equalize_raises_counterparts_with_a_tenth_of_the_handle_s_weight(session, sample, asked, foot, weight, raised):
+    apart = np.sqrt(2 - 2 * np.cos(0.5))  # the distance of the features of the back legs from those at the handle
+    session.add(foot, translation=(0, -0.2, 0), reach=apart / (1 - weight), falloff="linear")
+    np.testing.assert_allclose(session.following[leg(sample, 1), 0], 1, atol=1e-5)
+    np.testing.assert_allclose(session.following[leg(sample, 2), 0], raised, atol=1e-3)
 
 
 def test_counterparts_beyond_the_reach_are_not_counted(session, asked, foot):

@@ -1,5 +1,7 @@
 """Test the pivots, bends, twists and hinges of the part that a handle holds."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -307,3 +309,27 @@ def test_each_of_several_handles_reaches_its_target(seed):
 
 CHAIR = dfd.samples.chair(4000)
 CHAIR_FEATURES = np.eye(16, dtype=np.float32)[CHAIR.labels]
+
+
+def test_a_bend_towards_a_vector_is_one_towards_its_direction(one):
+    tip = one.add(len(one.mesh.vertices) - 1)
+    for name, vector in (("front", (0, 0, 3.0)), ("left", np.array([-1, 0, 0])), ("down", [0, -0.1, 0])):
+        if name == "down":
+            with pytest.raises(ValueError, match="`towards` must not be parallel"):
+                one.bend(tip, 40, towards=vector)
+            continue
+        one.bend(tip, 40, towards=name)
+        named = one.vertices
+        one.bend(tip, 40, towards=vector)
+        np.testing.assert_allclose(one.vertices, named, atol=1e-12)
+
+
+@pytest.mark.parametrize(("level", "told"), [(None, "$"), (1, "; the part at level 1 has one$")])
+def test_what_needs_an_axis_names_the_level_that_has_one_if_there_is_one(one, level, told):
+    handle = one.add(len(one.mesh.vertices) - 1)
+    with (
+        mock.patch.object(type(one.bound), "bendable_parts", return_value=[]),
+        mock.patch.object(type(one.bound), "level_with_axis", return_value=level),
+        pytest.raises(ValueError, match=f"`open` needs a part with an axis, and the handle holds none{told}"),
+    ):
+        one.move(handle, open=30)

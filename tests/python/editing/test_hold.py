@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from made_tube import AROUND, straight
 from scipy.sparse import csr_array
+from sheet import grid
 
 from dfd.editing.influence import hold as module
+from dfd.editing.influence.bendable_parts import _rising as rising
 from dfd.editing.influence.fill import Band, band_of, weights_at
 from dfd.editing.influence.hold import BEYOND, INSIDE, LEAST_DEPTH, OUTSIDE, Component, hold
 from dfd.geometry.coarse import nodes_of
@@ -176,3 +178,40 @@ def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
     others = start + np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)]) @ axes
     assert module._in_box(points, others).tolist() == [True, True, False, True, False, False]
     assert module._in_box(points[:1], points[:2]).tolist() == [True, False]
+
+
+def test_a_band_of_width_0_is_a_step():
+    depth = np.array([-1e-20, 0, 1e-20], np.float32)
+    np.testing.assert_array_equal(weights_at(depth, Band(0.0, 0.0)), (0, 0, 1))
+
+
+def test_a_part_at_a_corner_has_a_radius_of_half_an_edge():
+    mesh = grid(41)
+    corner = int((mesh.vertices[:, 0] - mesh.vertices[:, 2]).argmax())
+    component = np.full(len(mesh.vertices), -1)
+    component[corner] = 0
+    found = hold(mesh, component, corner, mesh.vertices[corner], 0, lambda: None, tuple).components[0]
+    edges = np.linalg.norm(mesh.vertices - mesh.vertices[corner], axis=1)
+    assert found.radius == pytest.approx(np.sort(edges)[1] / 2, rel=0.05)
+
+
+def test_a_small_hole_in_a_part_is_no_border_of_it():
+    mesh = grid(41)
+    side = mesh.vertices[:, 0] - mesh.vertices[:, 0].mean()
+    component = np.where(side > 0.01, 0, -1)
+    component[np.linalg.norm(mesh.vertices - (mesh.vertices[side.argmax()] - (0.2, 0, 0)), axis=1).argmin()] = -1
+    at = int(side.argmax())
+    half = hold(mesh, component, at, mesh.vertices[at], 0, lambda: None, tuple).components[0]
+    assert half.direction[0] > 0.98
+
+
+def test_the_share_of_a_rotation_rises_from_0_at_the_border_to_1_at_the_inner_end_of_the_band():
+    limb = held_above(2.0, 4.0)
+    vertices, parameter = rising(limb)
+    assert (np.diff(vertices) > 0).all()
+    depth = np.full(len(straight(LENGTH, RINGS, RADIUS).vertices), np.inf)
+    depth[limb.vertices] = limb.depth
+    part = np.clip(depth[vertices] / limb.inward, 0, 1)
+    np.testing.assert_allclose(parameter, part * part * (3 - 2 * part), atol=1e-6)
+    assert (parameter[depth[vertices] <= 0] == 0).all()
+    assert (parameter == 1).sum() > 16 * AROUND

@@ -214,3 +214,21 @@ def test_a_region_holds_the_places_whose_vertices_it_contains():
         (corner, corner, False),  # no region
     ):
         assert rows.holds(place, other) == held
+
+
+def test_a_set_lies_where_its_positions_are_up_to_a_hundred_thousandth_of_the_size(mesh):
+    for size in (1e-9, 1.0, 1e9):
+        own = dfd.Mesh(size * mesh.vertices, mesh.faces)
+        chosen = VertexSet.of(own, [3, 17])
+        for share, lies in ((0.9e-5, True), (1.1e-5, False)):
+            moved = own.vertices.copy()
+            moved[17] += (0, share * own.diagonal, 0)
+            assert chosen.lies_on(dfd.Mesh(moved, mesh.faces)) == lies
+        assert not chosen.lies_on(dfd.Mesh(own.vertices[:17], mesh.faces[:4]))
+
+
+def test_arrays_of_a_set_are_read_only(mesh):
+    chosen = VertexSet.of(mesh, [3, 17])
+    for values in (chosen.indices, chosen.positions):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 0

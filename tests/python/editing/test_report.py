@@ -167,3 +167,10 @@ def test_who_bends_a_part_without_an_axis_is_told_a_level_that_has_one(quadruped
     assert len(named) >= 2
     assert any(re.search(r"could bend \(level -?\d+ has one\)", said) for said in notes)
     assert all("turned as a whole" not in bent(at, level) for at, level in named)
+
+
+def test_the_stretch_does_not_depend_on_the_unit():
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], float)
+    posed = corners * (1, 3, 1)
+    for unit in (1e-9, 1.0, 1e9):
+        assert largest_stretch(unit * corners, unit * posed, np.array([(0, 1, 2)])) == pytest.approx(3)

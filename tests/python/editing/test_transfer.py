@@ -6,7 +6,8 @@ from made_field import field_of, made_field
 
 import dfd
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
-from dfd.editing.transfer import transfer
+from dfd.editing.transfer import EditTransfer, transfer
+from dfd.geometry.topology import sample_surface
 from dfd.posing.transforms import Transform
 
 
@@ -154,3 +155,22 @@ def test_a_field_that_is_the_same_everywhere_is_similar_to_nothing(mesh, moved, 
     session.add(5)
     flat = Flat(mesh=mesh)
     assert transfer(session.edit, mesh, fields[0], moved[0], flat).similarity[1] == 0
+
+
+def test_places_and_similarities_are_those_of_their_definition(mesh):
+    """Compare 24 places on a shape of another field with the definition, computed without `bind`."""
+    one, other = Known(mesh=mesh), Known(mesh=mesh, signature=field_of(mesh, seed=4))
+    rows, drawn = [], np.random.default_rng(1)
+    for field in (one, other):
+        points, _ = sample_surface(mesh.vertices, mesh.faces, 40_000, drawn)
+        rows.append(field(mesh.vertices) - field(points).mean(axis=0))
+    rows = [each / np.linalg.norm(each, axis=1, keepdims=True) for each in rows]
+    places = np.arange(0, len(mesh.vertices), len(mesh.vertices) // 24)
+    found, similarities = EditTransfer(mesh, one, mesh, other).nearest(mesh.vertices[places])
+    good = 0
+    for vertex, chosen, similarity in zip(places, found, similarities, strict=True):
+        apart = np.linalg.norm(rows[1] - rows[0][vertex], axis=1)
+        alike = np.flatnonzero(apart <= apart.min() + 0.1)
+        good += chosen == alike[np.linalg.norm(mesh.vertices[alike] - mesh.vertices[vertex], axis=1).argmin()]
+        assert similarity == pytest.approx(rows[0][vertex] @ rows[1][chosen], abs=0.03)
+    assert good >= 0.8 * len(places)  # the mean features are those of other samples

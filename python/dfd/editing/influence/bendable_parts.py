@@ -146,9 +146,9 @@ def _is_one_piece(mesh: Mesh, axis: PartAxis) -> bool:
 def _rising(component: Component) -> tuple[Int64, Float64]:
     """Return the vertices (N,) of a component, and a parameter that rises from 0 at its border to 1 inside."""
     vertices = np.concatenate([component.core.vertices, component.vertices]).astype(np.int64)
-    depth = np.concatenate([np.full(len(component.core.vertices), 1e30, np.float32), component.depth])
+    depth = np.concatenate([np.full(len(component.core.vertices), np.inf, np.float32), component.depth])
     share = np.concatenate([component.core.values, component.share])
-    parameter = (share * weights_at(depth, Band(0.0, max(component.inward, 1e-30)))).astype(np.float64)
+    parameter = (share * weights_at(depth, Band(0.0, component.inward))).astype(np.float64)
     order = np.argsort(vertices)
     return vertices[order], parameter[order]
 

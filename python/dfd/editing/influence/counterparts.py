@@ -67,10 +67,10 @@ def find_counterparts(
         return [(0, found[0])]
     nodes, weights, known_planes = nodes_of(mesh), alike(), planes()
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
-    best = np.full(component.max() + 2, -1.0)  # the last entry is for nodes outside the part
+    best = np.full(component.max() + 2, -np.inf)  # the last entry is for nodes outside the part
     np.maximum.at(best, component, on_nodes)
-    best[[0, -1]] = -1.0
-    others = np.argsort(-best, kind="stable")[: int((best >= 0).sum())].tolist()
+    best[[0, -1]] = -np.inf
+    others = np.argsort(-best, kind="stable")[: int(np.isfinite(best).sum())].tolist()
     surfaces = _surfaces(mesh, component[nodes.of_vertex], [0, *others])
     for index, number in enumerate(others, 1):
         image = _image(surfaces[index], surfaces, found, known_planes)
@@ -78,7 +78,7 @@ def find_counterparts(
             x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
             peak, frame = int(nodes.nearest((x, y, z))[0]), image[:, :3]
         else:
-            most = int(np.where(component == number, on_nodes, -1.0).argmax())
+            most = int(np.where(component == number, on_nodes, -np.inf).argmax())
             members = nodes.members[nodes.starts[most] : nodes.ends[most]]
             peak = int(members[weights[members].argmax()])
             peak, frame = _corresponding(mesh, component == number, weights, peak, found, known_planes)

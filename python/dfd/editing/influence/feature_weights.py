@@ -48,13 +48,12 @@ class FeatureWeights:
         self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
 
     def of(self, key: Key) -> Float32 | None:
-        """Return a column (V,) of weights, read-only; None if all weights are 1."""
+        """Return a column (V,) of weights; None if all weights are 1."""
         if key.in_part and not key.sources and not key.fixed and key.controls.strength == 1.0 and not key.controls.mask:
             return None
         if key not in self._columns:
             column = np.empty(len(self._mesh.vertices), np.float32)
             self._bind(key, column)
-            column.flags.writeable = False
             self._columns[key] = column
         return self._columns[key]
 
@@ -183,7 +182,6 @@ class FeatureWeights:
                 left = self._left(fixed, place) if place.vertex is None else float(column[place.vertex])
             if left >= LEAST_LEFT:
                 np.minimum(column / np.float32(left), 1.0, out=column)
-        if controls.strength < 1.0:
-            column *= np.float32(controls.strength)
+        column *= np.float32(controls.strength)
         if controls.mask is not None:
             column *= self._rows.inside(controls.mask, controls.mask_feather)

@@ -71,7 +71,7 @@ def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
 def weights_at(depth: Float32, band: Band) -> Float32:
     """Return the weights (N,) at `depth` (N,): 1 at the inner end of the band, 0 at the outer end, smooth between."""
     width = np.float32(max(band.outward + band.inward, 1e-30))
-    with np.errstate(over="ignore"):  # a component without a border has no band, and large depths
+    with np.errstate(over="ignore"):
         part = (depth + np.float32(band.outward)) / width
     np.clip(part, 0.0, 1.0, out=part)
     return part * part * (np.float32(3.0) - 2 * part)
@@ -91,7 +91,7 @@ def fill(column: Column, bands: Sequence[Band], weights: Float32, *, bands_only:
         one = np.zeros_like(weights)
         _write(piece, band, one, False)
         np.minimum(weights + one, 1.0, out=weights)
-    if column.still is not None and not bands_only:
+    if column.still is not None:
         weights[column.still.vertices] = column.still.values
 
 

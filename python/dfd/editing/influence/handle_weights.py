@@ -388,7 +388,7 @@ def _dense(components: Sequence[Component], mesh: Mesh, affine: Float64 = IDENTI
     for each in components:
         total[each.core.vertices] += each.core.values
         total[each.vertices] += each.share * weights_at(each.depth, band_of(each, affine, IDENTITY, mesh.diagonal))
-    return np.minimum(total, 1.0)
+    return total
 
 
 def _never() -> Float32:
@@ -413,7 +413,7 @@ def _piece(component: Component, weights: Float32 | None, factor: float) -> Piec
     core, share = component.core, component.share
     if weights is None:
         return Piece(component, core, share)
-    scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0)) if factor != 1.0 else weights
+    scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0))
     return Piece(
         component, Share(core.vertices, core.values * scaled[core.vertices]), share * scaled[component.vertices]
     )

@@ -178,7 +178,7 @@ def _components(
     held = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
     here = float(_on_vertices(nodes, fields[0], held).min(initial=np.inf))
     shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
-    room = min((here + shift) / inward[0], 1.0) if inward[0] > 0 else 1.0
+    room = min((here + shift) / max(inward[0], 1e-300), 1.0)
     centers = [nodes.center[component == k].mean(axis=0) for k in range(count)]
     return tuple(
         _component(nodes, each, *border, middle, outward[k], room * inward[k], room, fields[k] + shift, shares[k])
@@ -321,7 +321,7 @@ def _component(
     depth = _on_vertices(nodes, field, vertices)
     shares = nodes.interpolated(share.astype(np.float32), vertices)
     some = (depth > -outward) & (shares > 0)
-    vertices, depth, shares = vertices[some], np.minimum(depth[some], 1e30), shares[some]
+    vertices, depth, shares = vertices[some], depth[some], shares[some]
     return Component(
         counterpart,
         border,

@@ -21,8 +21,8 @@ from dfd.editing.influence.hold import Component
 from dfd.geometry.coarse import Share
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
-LEAST_IOU = 0.5  # two components count as the same if their intersection over union is at least this
-LEAST_NESTED = 0.8  # component A is nested in component B if at least this fraction of A lies in B
+LEAST_IOU = 0.5  # two components count as the same if their intersection over union is above this
+LEAST_NESTED = 0.8  # component A is nested in component B if more than this fraction of A lies in B
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +128,8 @@ def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
     common = (held * sizes.astype(np.float32)) @ held.T.astype(np.float32)
     own = np.diag(common).copy()
     union: Float32 = own[:, None] + own - common
-    same = (common > 0) & (common >= LEAST_IOU * union)
-    nested = (common >= LEAST_NESTED * own[:, None]) & (own[:, None] > 0) & ~same
+    same = common > LEAST_IOU * union
+    nested = (common > LEAST_NESTED * own[:, None]) & ~same
     return same, nested
 
 
