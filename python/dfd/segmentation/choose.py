@@ -94,8 +94,7 @@ def cues(trees: Trees, node: int, region: Bool) -> list[float]:
 
 def probabilities(found: Candidates) -> Float64:
     """Return the probability (K,) that a person means each candidate. A region that n trees have counts n times."""
-    scores = found.cues @ _weights()
-    likely = found.votes * np.exp(scores - scores.max())
+    likely = found.votes * np.exp(found.cues @ _weights())
     return np.asarray(likely / likely.sum(), np.float64)
 
 

@@ -84,16 +84,15 @@ class Parts:
         """Return the component of the part at a place that contains each mesh node (`dfd.geometry.coarse`), (N,).
 
         0 is the component at the place, 1, 2, … are its counterparts, the most similar first, and −1 is outside. The
-        result is None if no face has an area, if the part is the whole shape, or if `level` is 0 and no part at the
-        place has a clear border, as on a ball.
+        result is None if no face has an area, or if `level` is 0 and no part at the place has a clear border, as on a
+        ball.
         """
         if not self._has_surface:
             return None
         vertex = self._vertex(at)
         if level == 0 and not self._ladder(int(self._patches.of_vertex[vertex]))[0].clear:
             return None
-        component = self._components(vertex, level)[0]
-        return None if (component[self._patches.place >= 0] == 0).all() else component
+        return self._components(vertex, level)[0]
 
     def levels(self, at: Any) -> tuple[int, int]:
         """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.editing.edit import symmetry_on
-from dfd.editing.edit import Edit, Fixed
+from dfd.editing.edit import Edit, Fixed, symmetry_on
 from dfd.editing.points import Place
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
@@ -150,6 +149,8 @@ def test_ids_are_stable_and_never_given_twice(deformer):
     deformer.undo()
     deformer.undo()
     assert deformer.add(9) not in (first, second, third)
+    deformer.apply(replace(deformer.edit, handles=(replace(deformer.handles[0], id=70),)))
+    assert deformer.add(11) == 71
 
 
 def test_what_is_left_out_of_a_move_stays(deformer):
@@ -285,3 +286,8 @@ def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, me
     both.add(other)
     np.testing.assert_array_equal(paper.vertices, both.vertices)
     assert np.abs(paper.vertices - alone).max() > 0.01
+
+
+def test_shapes_that_only_blend_bend_no_vertex(deformer, mesh):
+    deformer.add(5, translation=(0, 0.1, 0))
+    assert deformer.bound.bent(deformer.edit) is mesh.vertices

@@ -230,6 +230,7 @@ MISSING = object()
         (("version",), 6, r"`version` must be 1, got 6"),
         (("version",), True, r"`version` must be 1, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
+        (("mesh", "vertices"), 0.5, r"`mesh.vertices` must be a whole number, got 0.5"),
         (("color",), 1, r"`color` is an unknown key"),
         (("handles", 0, "rotaton"), [0, 0, 0], r"`handles\[0\].rotaton` is an unknown key; known are id, name, .*"),
         (("handles", 0, "id"), 1, r"`handles` must have distinct ids, got 1 twice"),

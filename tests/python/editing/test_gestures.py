@@ -315,3 +315,12 @@ def test_resting_bands_and_motions_in_place(animal):
             thrown = replace(held, transform=replace(held.transform, translation=far))
         (band,) = bands_of(column, sample.mesh, replace(session.edit, handles=(thrown,)))
         assert np.isfinite(band).all()
+
+
+def test_two_regions_with_one_middle_share_their_part(animal):
+    sample, known, _ = animal
+    session, tip = fresh(known), sample.mesh.vertices[tip_of(sample, "leg")]
+    for radius, pull in ((0.02, (0.1, 0, 0)), (0.03, (0, 0.1, 0))):
+        session.add(dfd.editing.regions.Ball(tuple(tip), radius), translation=pull)
+    assert np.isfinite(session.vertices).all()
+    assert session.following.sum(axis=1).max() <= 1 + 1e-6

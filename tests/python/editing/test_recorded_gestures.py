@@ -8,6 +8,7 @@ import json
 import os
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from recording import rounded, same
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.controls import Controls
+from dfd.editing.influence import handle_features
 from dfd.editing.report import largest_stretch
+from dfd.geometry import coarse
+from dfd.geometry.coarse import nodes_of
 
 RECORDED = Path(__file__).parent / "recorded" / "gestures.json"
 FOLLOWED = 12  # number of vertices whose positions are compared
@@ -66,17 +70,27 @@ HOW = {
 
 @cache
 def sample_of(name):
-    """Return a sample, its field, its planes and its parts."""
-    sample = getattr(dfd.samples, name)()
-    field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    session = dfd.Deformer(sample.mesh, field)
+    """Return a sample, its field, its planes, its parts and its features.
+
+    Of "large robot", vertices are grouped into mesh nodes, and features are compact, as if it had a million faces.
+    """
+    kind, large = name.removeprefix("large "), name.startswith("large ")
+    sample = getattr(dfd.samples, kind)()
+    field = dfd.Field.load(SAMPLE_FIELDS / f"{kind}.field.safetensors")
     planes = dfd.symmetry_planes(field, sample.mesh)
-    return sample, field, planes, session.bound.prepare(planes), session.features
+    with (
+        mock.patch.object(coarse, "MOST_NODES", 2000 if large else coarse.MOST_NODES),
+        mock.patch.object(coarse, "CELLS", 40),
+        mock.patch.object(handle_features, "MOST_EXACT", 2000 if large else handle_features.MOST_EXACT),
+    ):
+        session = dfd.Deformer(sample.mesh, field)
+        assert nodes_of(sample.mesh).are_vertices != large
+        return sample, field, planes, session.bound.prepare(planes), session.features
 
 
 def places(name, sample):
     """Return the places that the gestures name, on a limb of the sample and on another part."""
-    mesh, limb, other = sample.mesh, *{"quadruped": ("leg", "head"), "robot": ("arm", "head")}[name]
+    mesh, limb, other = sample.mesh, *{"quadruped": ("leg", "head"), "robot": ("arm", "head")}[name.split()[-1]]
     own = sample.vertices_of(limb, 0)
     height = mesh.vertices[own, 1]
     beside = sample.vertices_of(other)
@@ -120,7 +134,7 @@ def told(name, gesture):
     }
 
 
-@pytest.mark.parametrize("name", ["quadruped", "robot"])
+@pytest.mark.parametrize("name", ["quadruped", "robot", "large robot"])
 @pytest.mark.parametrize("gesture", GESTURES)
 def test_a_gesture_gives_the_recorded_shape(name, gesture):
     now, key = told(name, gesture), f"{name}: {gesture}"

@@ -7,6 +7,7 @@ it changes, and looks at them.
 import json
 import os
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from recording import rounded, same
 import dfd
 from bench.training.made_shapes import made_shape
 from dfd.app.options import SAMPLE_FIELDS
+from dfd.geometry import coarse
+from dfd.geometry.coarse import nodes_of
 from dfd.segmentation.alike import _apart, _measures, alike
 from dfd.segmentation.choose import probabilities
 from dfd.segmentation.parts import Parts
@@ -31,6 +34,14 @@ def of_sample(name):
     mesh = getattr(dfd.samples, name)().mesh
     field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
     return mesh, Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(field, mesh))
+
+
+def large_robot():
+    """Return the parts of the robot, with vertices grouped into mesh nodes, as if it had a million faces."""
+    mesh, parts = of_sample("robot")
+    with mock.patch.object(coarse, "MOST_NODES", 2000), mock.patch.object(coarse, "CELLS", 40):
+        assert not nodes_of(mesh).are_vertices
+    return mesh, parts
 
 
 def waves(mesh):
@@ -55,6 +66,7 @@ def mugs():
 SHAPES = {
     "quadruped": lambda: of_sample("quadruped"),
     "robot": lambda: of_sample("robot"),
+    "large robot": large_robot,
     "insect": lambda: waves(made_shape(203).mesh),
     "mugs": mugs,
 }
@@ -110,7 +122,7 @@ def written(document):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_parts_are_the_recorded_ones(name):
-    file, now = RECORDED / f"{name}.json", told(*SHAPES[name]())
+    file, now = RECORDED / f"{name.replace(' ', '_')}.json", told(*SHAPES[name]())
     if os.environ.get("DFD_RECORD"):
         file.write_text(written(now))
     recorded = json.loads(file.read_text())

@@ -65,8 +65,7 @@ class Holding:
 
     def area(self, number: int) -> float:
         """Return the area of a component, as a fraction of the area of the surface."""
-        total = float(self._nodes.area.sum())
-        return float(self._nodes.area[self._component == number].sum()) / total if total > 0 else 0.0
+        return float(self._nodes.area[self._component == number].sum() / self._nodes.area.sum())
 
     def at(self, vertex: int) -> int:
         """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
@@ -267,9 +266,7 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
         return field
     known = np.isfinite(field)
     among = surface[free]
-    conductance = csr_array(
-        (2 * deviation**2 / np.maximum(among.data, 1e-3 * deviation), among.indices, among.indptr), shape=among.shape
-    )
+    conductance = csr_array((2 * deviation**2 / among.data, among.indices, among.indptr), shape=among.shape)
     conductance = conductance @ diags_array(known.astype(np.float64))
     mass = np.asarray(among.sum(axis=1)).ravel()
     within = conductance[:, free]

@@ -66,12 +66,8 @@ def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlan
 
 
 def _refined(one: Component, other: Component, reflection: Float64, most: float) -> Float64 | None:
-    """Return the best reflection (3, 4) near `reflection`, or None if its misfit is above `most`."""
-    best, least = None, most
+    """Return the reflection (3, 4) near `reflection` that fits best, or None if its misfit is above `most`."""
     for _ in range(ROUNDS):
-        misfit = _misfit(one, other, reflection)
-        if misfit <= least:
-            best, least = reflection, misfit
         apart, nearest = other.tree.query(one.points @ reflection[:, :3].T + reflection[:, 3])
         kept = np.argsort(apart)[: int(KEPT * len(apart))]
         here, there = one.points[kept], other.points[nearest[kept]]
@@ -80,7 +76,7 @@ def _refined(one: Component, other: Component, reflection: Float64, most: float)
         # The normal minimizes Σ ‖R x − y‖² over the matches x, y, for the reflection R with the best offset.
         normal = np.linalg.eigh(2 * (cross + cross.T) - len(here) * np.outer(delta, delta))[1][:, 0]
         reflection = _reflection(normal, float(normal @ (here.mean(axis=0) + there.mean(axis=0))) / 2)
-    return best
+    return reflection if _misfit(one, other, reflection) <= most else None
 
 
 def _reflection(normal: Float64, offset: float) -> Float64:
