@@ -243,17 +243,17 @@ def test_names_that_are_not_settings_are_refused(session, verb, given, message):
 
 def test_weights_that_fixed_points_subtract_are_their_largest(session, paper, chair, labeled, mesh):
     """A handle on a region keeps, at each of its vertices, what the fixed points leave there."""
-    fixed = (3, 0.5), (900, 0.9), ("y>0.9", 0.8)
+    fixed = (3, 0.5), (900, 0.9), ("y>0.3", 0.8)
     for place, strength in fixed:
         session.fix(place, strength=strength)
     subtracted = session.bound.by_features.subtracted(session.fixed)
     wanted = np.zeros(len(mesh.vertices))
     for place, strength in fixed:
-        chosen = np.flatnonzero(mesh.vertices[:, 1] >= 0.9) if place == "y>0.9" else [place]
+        chosen = np.flatnonzero(mesh.vertices[:, 1] >= 0.3) if place == "y>0.3" else [place]
         apart = np.linalg.norm(labeled[:, None] - labeled[chosen], axis=2).min(axis=1)
         wanted = np.maximum(wanted, strength * np.maximum(1 - apart, 0))
     np.testing.assert_allclose(subtracted, wanted, atol=0.03)  # a region is represented by 32 of its vertices
-    on_region = mesh.vertices[:, 1] >= 0.9
+    on_region = mesh.vertices[:, 1] >= 0.3
     np.testing.assert_allclose(subtracted[on_region], np.maximum(wanted[on_region], 0.8), atol=1e-6)
 
 
@@ -268,3 +268,16 @@ def test_a_handle_without_strength_has_no_part_that_bends(session, foot):
     assert session.bound.bendable_parts(session.edit, session.handle(handle)) == []
     with pytest.raises(ValueError, match="`open` needs a part with an axis"):
         session.move(handle, open=20)
+
+
+def test_a_radius_and_a_locality_replace_each_other_and_nothing_else_does(session, foot):
+    handle = session.add(foot, radius=0.3)
+    for given, radius, locality in (
+        ({"strength": 0.5}, 0.3, 0),
+        ({"locality": 2.0}, None, 2.0),
+        ({"falloff": "smooth"}, None, 2.0),
+        ({"radius": 0.4}, 0.4, 0),
+    ):
+        session.change(handle, **given)
+        controls = session.handle(handle).controls
+        assert (controls.radius, controls.locality) == (radius, locality)

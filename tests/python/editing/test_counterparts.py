@@ -95,6 +95,8 @@ def test_a_component_inside_another_component_joins_it():
         return len(held.components)
 
     assert counted(0.0) == 1
+    assert counted(0.6) == 1
+    assert counted(0.6) == 1
     assert counted(5.0) == 2
 
 

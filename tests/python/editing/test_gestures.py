@@ -79,13 +79,26 @@ def test_a_drag_of_half_a_diagonal_never_jumps_and_equals_a_fresh_session(animal
         session.remove(handle)
 
 
-def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal):
+def test_a_drag_back_to_its_start_gives_the_first_shape(animal):
+    sample, known, _ = animal
+    session, far = fresh(known), sample.mesh.diagonal / 2
+    still = session.add(tip_of(sample, "ear"), translation=(0, 0.02, 0))
+    handle = session.add(tip_of(sample, "leg"))
+    for reach in (0.05, 1.0, 0.05, 0.5, 0.05):
+        session.move(handle, translation=(reach * far, 0, 0))
+        np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
+    session.move(still, translation=(0, 0.04, 0))
+    np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
+
+
+@pytest.mark.parametrize("counterparts", ["own_pivot", "only"])
+def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal, counterparts):
     sample, known, _ = animal
     session = fresh(known)
     hoof, leg = tip_of(sample, "hoof"), tip_of(sample, "leg")
-    outer = session.add(leg, level=1, rotation=(10, 50, 20))
+    outer = session.add(leg, level=1, rotation=(10, 50, 20), counterparts=counterparts)
     carried, pull = session.vertices[hoof], np.array((0.1, 0.05, -0.08))
-    inner = session.add(hoof, level=-1, translation=1e-9 * pull)
+    inner = session.add(hoof, level=-1, translation=1e-9 * pull, counterparts=counterparts)
     np.testing.assert_allclose(session.vertices[hoof], carried, atol=1e-7)
     for step in (1, 2, 3):
         session.move(inner, translation=step * pull)

@@ -333,3 +333,12 @@ def test_what_needs_an_axis_names_the_level_that_has_one_if_there_is_one(one, le
         pytest.raises(ValueError, match=f"`open` needs a part with an axis, and the handle holds none{told}"),
     ):
         one.move(handle, open=30)
+
+
+@pytest.mark.parametrize(
+    ("offset", "across"), [(-0.148, False), (-0.1, True), (0.0, True), (0.1, True), (0.148, False)]
+)
+def test_a_part_lies_across_a_plane_if_a_tenth_of_it_is_on_each_side(one, offset, across):
+    one.symmetry = SymmetryPlane((1.0, 0.0, 0.0), offset)
+    handle = one.add(len(one.mesh.vertices) - 1)
+    assert one.bound.bendable_parts(one.edit, one.handle(handle))[0].across == across

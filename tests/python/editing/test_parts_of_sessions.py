@@ -7,6 +7,8 @@ from made_field import field_of
 
 import dfd
 from dfd.editing.edit_file import from_document, to_document
+from dfd.editing.influence import handle_weights
+from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
 from dfd.editing.verbs import next_level
@@ -112,3 +114,14 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
     assert session.bound.reach(session.edit, session.handle(handle)) == PARTLESS_REACH
     assert session.report().handles[0].note == "with weights by features, because it lies on no part"
     assert session.report().handles[0].arrived
+
+
+def test_of_many_parts_those_used_last_are_kept(mesh, field, monkeypatch):
+    monkeypatch.setattr(handle_weights, "SPARE", 2)
+    session = dfd.Deformer(mesh, field)
+    first, second, third = (place_on(mesh, vertex) for vertex in (0, 300, 900))
+    held = [session.bound.hold(place) for place in (first, second, first)]
+    session.add(third.vertex)
+    _ = session.following
+    assert session.bound.hold(first) is held[0] is held[2]
+    assert session.bound.hold(second) is not held[1]

@@ -1,10 +1,12 @@
 """Test how places are divided into patches."""
 
 import numpy as np
+import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from dfd.segmentation.patches import Mirror, _nearest_seed, _orbits_of_patches, _pieces, _symmetric
+import dfd
+from dfd.segmentation.patches import Mirror, Patches, _nearest_seed, _orbits_of_patches, _pieces, _symmetric
 
 
 def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
@@ -51,3 +53,28 @@ def test_places_that_are_mirror_images_belong_to_seeds_that_are_mirror_images():
         np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds + [(0.1, 0, 0), (0, 0, 0), (0, 0, 0)], [mirror]
     )
     assert found.tolist() == [0, 2, 0, 1, 1, 2]
+
+
+def test_components_objects_and_materials_are_the_kinds_of_things(tmp_path):
+    """Two balls are one object. A third one has the material of a box beside it."""
+    moved = trimesh.transformations.translation_matrix
+    balls = [trimesh.creation.icosphere(2).apply_transform(moved((4 * x, 0, 0))) for x in range(3)]
+    scene = trimesh.Scene()
+    for name, mesh, material in (
+        ("pair", trimesh.util.concatenate(balls[:2]), "steel"),
+        ("ball", balls[2], "gold"),
+        ("box", trimesh.creation.box().subdivide().apply_transform(moved((0, 9, 0))), "gold"),
+    ):
+        look = trimesh.visual.material.PBRMaterial(name=material)
+        mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=look)
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    scene.export(tmp_path / "scene.glb")
+    patches = Patches(dfd.load(tmp_path / "scene.glb"))
+    ball = (patches.center @ (1, 0, 0) * patches.size / 4).round(0)
+    box = patches.center[:, 1] * patches.size > 3
+    ball -= ball[~box].min()
+    expected = [np.where(box, 3, ball), np.where(box, 2, ball == 2), np.where(box, 1, ball == 2)]
+    assert len(patches.things) == 3
+    for found, wanted in zip(patches.things, expected, strict=True):
+        pairs = {*zip(found.tolist(), wanted.tolist(), strict=True)}
+        assert len(pairs) == len({*found.tolist()}) == len({*wanted.tolist()})

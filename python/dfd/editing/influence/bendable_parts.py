@@ -124,13 +124,13 @@ def _part(
     turn = np.eye(3)
     slender = own.is_slender and _is_one_piece(mesh, own)
     vertices, parameter = axis.vertices, axis.parameter
-    if not slender and len(column.pieces) == 1:
-        vertices, parameter = _rising(column.pieces[0].component)
     if axis is not own and counterpart.image is not None:
         axis, reversed_ = _as_image(axis, own, counterpart.image)
-        parameter = 1.0 - parameter if reversed_ and slender else parameter
+        parameter = 1.0 - parameter if reversed_ else parameter
     elif axis is not own:
         turn = _turn(frame @ own.direction, axis.direction)
+    if not slender and len(column.pieces) == 1:
+        vertices, parameter = _rising(column.pieces[0].component)
     carry = flat @ turn @ (handedness * frame)  # rotation vectors are pseudovectors
     return BendablePart(axis, slender, amount, carry, handedness, Sections(vertices, parameter), across)
 

@@ -310,11 +310,10 @@ def _component(
     used = (share > 0) & (field > -outward)
     uncertain = ~((field >= inward) & (share >= 1))
     # A vertex belongs to the core if all nodes from which its depth is interpolated do.
-    near = uncertain if nodes.are_vertices else uncertain | (nodes.reach @ uncertain.astype(np.float32) > 0)
     if not nodes.are_vertices:
-        used = used | (nodes.reach @ used.astype(np.float32) > 0)
-    core = np.flatnonzero((used & ~near)[nodes.of_vertex])
-    vertices = np.flatnonzero((used & near)[nodes.of_vertex])
+        used, uncertain = nodes.reach @ used, nodes.reach @ uncertain
+    core = np.flatnonzero((used & ~uncertain)[nodes.of_vertex])
+    vertices = np.flatnonzero((used & uncertain)[nodes.of_vertex])
     depth = _on_vertices(nodes, field, vertices)
     shares = nodes.interpolated(share.astype(np.float32), vertices)
     some = (depth > -outward) & (shares > 0)
