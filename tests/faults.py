@@ -63,11 +63,13 @@ NAMED = [
 # is a text in the line, before or after the change.
 HARMLESS: dict[str, tuple[str, ...]] = {
     "weights/regions.py": ("MOST_CONSIDERED =",),
+    "segmentation/alike.py": ("(looks < 2)",),
     "editing/blend.py": ("or 2.0",),
+    "editing/deformer.py": ("merge, rebinds=True)", "(poses)), rebinds=True)"),
     "editing/edit_file.py": ("if len(shown) <=",),
     "editing/influence/counterparts.py": ("component.max() + 3", "~nodes.used] = 2.0"),
     "editing/influence/handle_weights.py": ("if len(moving) > 1",),
-    "editing/influence/hold.py": ("inward[k] + 3, deviation",),
+    "editing/influence/hold.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True"),
     "editing/transfer.py": ("SAMPLE =", "np.clip(cosines, 0.0, 2.0)"),
 }
 

@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+import trimesh
 from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
@@ -80,24 +81,28 @@ def test_counterparts_are_the_most_similar_vertices_of_their_components():
     np.testing.assert_allclose(third.position, (0.5, 0, -0.5), atol=1e-12)
 
 
-def test_a_component_inside_another_component_joins_it():
+@pytest.mark.parametrize("handle_on_hub", [False, True])
+def test_a_component_inside_another_component_joins_it(handle_on_hub):
     """A hub inside a tire joins the component of the tire. A hub beside the tire is a separate component."""
-    wheel, hub = sheet(), sheet()
-    both = np.concatenate([wheel.faces, hub.faces + len(wheel.vertices)])
+    wheel, ball = sheet(), trimesh.creation.icosphere(2, 0.2)
+    # The distance in y is so large that no bridge connects the two.
+    tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
+    both = np.concatenate([wheel.faces, ball.faces + len(wheel.vertices)])
 
-    def counted(x: float) -> int:
-        # The distance in y is so large that no bridge connects the sheets.
-        tire = wheel.vertices + 0.3 * np.cos(4 * wheel.vertices[:, :1]) * (0, 1, 0)
-        mesh = Mesh(np.concatenate([tire, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
-        component = (np.arange(len(mesh.vertices)) >= len(wheel.vertices)).astype(np.int64)
+    def counted(hub: np.ndarray) -> int:
+        mesh = Mesh(np.concatenate([tire, hub]), both)
+        on_hub = np.arange(len(mesh.vertices)) >= len(wheel.vertices)
+        component = (on_hub != handle_on_hub).astype(np.int64)
         weights = np.ones(len(mesh.vertices), np.float32)
-        held = hold(mesh, component, vertex_at(mesh, 0, 0), (0, 0, 0), 0, lambda: weights, tuple)
+        vertex = int(np.flatnonzero(component == 0)[0])
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, tuple)
         return len(held.components)
 
-    assert counted(0.0) == 1
-    assert counted(0.6) == 1
-    assert counted(0.6) == 1
-    assert counted(5.0) == 2
+    assert counted(ball.vertices + (0, 0.1, 0)) == 1
+    assert counted(ball.vertices + (0.6, 0.1, 0)) == 1
+    assert counted(ball.vertices + (5, 0.1, 0)) == 2
+    # The center of the tire lies in the box of a long bar, but the center of the bar does not lie in that of the tire.
+    assert counted(ball.vertices * (50, 3, 1) + (9.5, 0.1, 0)) == 2
 
 
 def test_shares_everywhere_sum_to_1_change_smoothly_and_are_1_on_their_own_components():

@@ -1,5 +1,7 @@
 """Test the components of a held part: their borders, depths, radii, and their shares where they touch."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 from made_tube import AROUND, straight
@@ -9,7 +11,8 @@ from sheet import grid
 from dfd.editing.influence import hold as module
 from dfd.editing.influence.bendable_parts import _rising as rising
 from dfd.editing.influence.fill import Band, band_of, weights_at
-from dfd.editing.influence.hold import BEYOND, INSIDE, LEAST_DEPTH, OUTSIDE, Component, hold
+from dfd.editing.influence.hold import BEYOND, INSIDE, OUTSIDE, Component, hold
+from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 
 LENGTH, RADIUS, RINGS = 4.0, 0.2, 81
@@ -80,7 +83,8 @@ def test_a_handle_outside_the_border_moves_the_border_beyond_it():
     own = np.flatnonzero(np.concatenate([found.core.vertices, found.vertices]) == at)
     depth = np.concatenate([np.full(len(found.core.vertices), 9), found.depth])[own]
     assert len(own) == 1
-    assert depth[0] >= LEAST_DEPTH * found.radius * 0.99
+    assert depth[0] > 0
+    assert found.inward == pytest.approx(1e-3 * found.radius, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -175,9 +179,12 @@ def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
     start, sizes = np.array([30.0, -50, 10]), np.array([10.0, 2.0, 1.0])
     axes = np.stack([along, across, (0, 0, 1)])
     points = start + (sizes * random.uniform(-0.5, 0.5, (400, 3))) @ axes
-    others = start + np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)]) @ axes
-    assert module._in_box(points, others).tolist() == [True, True, False, True, False, False]
-    assert module._in_box(points[:1], points[:2]).tolist() == [True, False]
+    others = np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)])
+    for sign in (1, -1):
+        found = module._in_box(points, start + sign * others @ axes)
+        assert found.tolist() == [True, True, False, True, False, False]
+    for shift in np.eye(3):
+        assert module._in_box(points[:1], points[:1] + [0 * shift, shift, -shift]).tolist() == [True, False, False]
 
 
 def test_a_band_of_width_0_is_a_step():
@@ -217,3 +224,28 @@ def test_the_share_of_a_rotation_rises_from_0_at_the_border_to_1_at_the_inner_en
     np.testing.assert_allclose(parameter, part * part * (3 - 2 * part), atol=1e-6)
     assert (parameter[depth[vertices] <= 0] == 0).all()
     assert (parameter == 1).sum() > 16 * AROUND
+
+
+@pytest.mark.parametrize("most", [500, 50_000])
+def test_weights_are_those_of_the_interpolated_depth_at_every_vertex(most):
+    """Two components touch. With `most` of 500, vertices are grouped into nodes."""
+    mesh = straight(LENGTH, 321, RADIUS)
+    with mock.patch.object(coarse, "MOST_NODES", most), mock.patch.object(coarse, "CELLS", 30):
+        nodes = nodes_of(mesh)
+    assert nodes.are_vertices == (most > 500)
+    height = nodes.center[:, 1]
+    component = np.where(height > 2.6, 0, np.where(height > 1.4, 1, -1))
+    vertex, everything = 320 * AROUND, np.arange(len(mesh.vertices))
+    alike = np.linspace(0.5, 1, len(mesh.vertices), dtype=np.float32)
+    with mock.patch.object(module, "_component", wraps=module._component) as made:
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: alike, tuple)
+    assert len(held.components) == 2
+    for one, call in zip(held.components, made.call_args_list, strict=True):
+        field, share = call.args[-2:]
+        band = Band(one.outward, one.inward)
+        depth = module._on_vertices(nodes, field, everything).astype(np.float32)
+        shares = nodes.interpolated(share.astype(np.float32), everything)
+        weights = np.zeros(len(everything), np.float32)
+        weights[one.core.vertices] = one.core.values
+        weights[one.vertices] = one.share * weights_at(one.depth, band)
+        np.testing.assert_allclose(weights, shares * weights_at(depth, band), atol=1e-5)

@@ -4,9 +4,13 @@ from unittest import mock
 
 import numpy as np
 import pytest
+import trimesh
 
+import dfd
 from dfd.segmentation import choose
-from dfd.segmentation.choose import STEP, Candidates, ladder, probabilities
+from dfd.segmentation.choose import LARGEST, STEP, Candidates, candidates, ladder, probabilities
+from dfd.segmentation.parts import Parts
+from dfd.segmentation.trees import SMALLEST
 
 COUNT = 1000  # number of patches, all of one area
 AREA = np.full(COUNT, 1 / COUNT)
@@ -86,3 +90,33 @@ def test_a_further_level_adds_most_to_the_expected_overlap_and_is_nested():
     assert ladder(made(sizes, [50, 12, 2, 1, 3], starts=starts), AREA) == ([0, 1, 4], 0)
     inner = made([100, 140, 200, 260, 500], [3, 2, 10, 40, 200], starts=[50, 0, 0, 400, 0])
     assert ladder(inner, AREA) == ([0, 2, 4], 2)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Return the trees of a ball and of a loose ball so small that no region of its size would be a candidate."""
+    large, small = trimesh.creation.icosphere(4), trimesh.creation.icosphere(2, 0.02)
+    both = trimesh.util.concatenate([large, small.apply_translation((1.1, 0, 0))])
+    parts = Parts(dfd.Mesh(both.vertices, both.faces), lambda some: np.ones((len(some), 4), np.float32))
+    return parts, len(large.vertices)
+
+
+def test_things_are_candidates_of_any_size_up_to_nearly_the_whole_shape(pair):
+    parts, count = pair
+    patches = parts._patches
+    small = patches.things[0] == patches.things[0][patches.of_vertex[count]]
+    assert patches.area @ small < SMALLEST
+    found = candidates(parts._trees, int(patches.of_vertex[count]))
+    np.testing.assert_array_equal(found.regions[found.own], [small])
+    np.testing.assert_array_equal(found.nodes[found.own], np.flatnonzero((parts._trees.inside == small).all(axis=1)))
+    found = candidates(parts._trees, int(patches.of_vertex[0]))
+    assert not found.own.any()
+    assert (found.regions @ patches.area).max() <= LARGEST
+
+
+def test_without_a_candidate_the_part_is_the_whole_shape(pair, monkeypatch):
+    monkeypatch.setattr(choose, "SMALLEST", 2.0)
+    found = candidates(pair[0]._trees, 0)
+    assert found.regions.tolist() == [[True] * found.regions.shape[1]]
+    assert (found.own.tolist(), found.votes.tolist(), found.clear) == ([False], [1], False)
+    assert ladder(found, pair[0]._patches.area) == ([0], 0)

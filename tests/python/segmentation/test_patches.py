@@ -78,3 +78,13 @@ def test_components_objects_and_materials_are_the_kinds_of_things(tmp_path):
     for found, wanted in zip(patches.things, expected, strict=True):
         pairs = {*zip(found.tolist(), wanted.tolist(), strict=True)}
         assert len(pairs) == len({*found.tolist()}) == len({*wanted.tolist()})
+
+
+def test_places_and_patches_do_not_depend_on_the_unit():
+    made = trimesh.creation.icosphere(3)
+    vertices = made.vertices * (1, 1.3, 1.7)
+    one, *others = (Patches(dfd.Mesh(unit * vertices, made.faces)) for unit in (1.0, 2.0**-30, 2.0**20))
+    for other in others:
+        np.testing.assert_array_equal(other.place, one.place)
+        np.testing.assert_array_equal(other.of_vertex, one.of_vertex)
+        np.testing.assert_allclose(other.area, one.area, atol=1e-9)
