@@ -5,11 +5,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
 from dfd.common.linear_algebra import Bool
-from dfd.segmentation.patches import TINY, Patches
+from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import CREASE
 
 LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
-LARGEST_COST = 2**20  # integer cost of the most expensive border; sums of costs fit into 32 bits
+COST = 2**26  # integer cost of a border of length 1 without a crease; a cut of length 31 fits into 32 bits
 
 
 def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
@@ -22,7 +22,7 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     borders, start = patches.place_borders, inside[patches.of_place]
     one, other = borders.pairs.T
     at_border = np.unique(borders.pairs[start[one] != start[other]])
-    if len(at_border) == 0:
+    if not len(at_border):
         return start
     limit = 2 * LARGEST_MOVE * patches.spacing
     depth = dijkstra(borders.graph(borders.apart), indices=at_border, min_only=True, limit=limit)
@@ -39,15 +39,10 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     number = np.where(start, count, count + 1)
     number[free] = np.arange(count)
     touched = free[one] | free[other]
-    cost = borders.length[touched] * np.exp(-borders.concavity[touched].clip(0) / CREASE)
-    cost = 1 + LARGEST_COST * cost / max(cost.max(initial=0.0), TINY)
+    cost = 1 + COST * borders.length[touched] * np.exp(-borders.concavity[touched].clip(0) / CREASE)
     ends = number[borders.pairs[touched]]
     ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(cost, 2)
     graph = csr_array((capacity.astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
     left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
-    left.data[left.data < 0] = 0
-    left.eliminate_zeros()
     # The places that the source still reaches are the smallest side of all minimum cuts, so they are unique.
-    on_side = np.zeros(count + 2, bool)
-    on_side[breadth_first_order(left, count, return_predecessors=False)] = True
-    return on_side[number]
+    return np.isin(number, breadth_first_order(left, count, return_predecessors=False))

@@ -322,6 +322,14 @@ def test_resting_bands_and_motions_in_place(animal):
     column = session.bound.plan(session.edit).columns[0]
     rest = (band_at_rest(column.pieces[0].component, sample.mesh.diagonal),)
     assert bands_of(column, sample.mesh, session.edit) == rest
+    # Where the surroundings move alike, the band is that at rest, too.
+    pull, wide = {"translation": (0.3, 0, 0.2)}, []
+    session.move(handle, **pull)
+    wide.append(bands_of(column, sample.mesh, session.edit)[0])
+    session.set_default(**pull)
+    wide.append(bands_of(column, sample.mesh, session.edit)[0])
+    assert wide[0].inward > 1.5 * rest[0].inward
+    assert wide[1] == pytest.approx(rest[0])
     held = session.handle(handle)
     for far in ((1e38,) * 3, (-1e38, 1e38, 0)):
         with np.errstate(all="ignore"):

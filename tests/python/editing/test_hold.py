@@ -249,3 +249,13 @@ def test_weights_are_those_of_the_interpolated_depth_at_every_vertex(most):
         weights[one.core.vertices] = one.core.values
         weights[one.vertices] = one.share * weights_at(one.depth, band)
         np.testing.assert_allclose(weights, shares * weights_at(depth, band), atol=1e-5)
+
+
+def test_bands_do_not_depend_on_the_unit():
+    border = 0.2 * np.stack([np.cos(np.arange(8)), 0 * np.arange(8), np.sin(np.arange(8))], axis=1)
+    for unit in (1e-9, 1e9):
+        sizes = unit * np.array([0.3, 0.3, 1.0])
+        limb = Component(None, unit * border, np.array([0.0, 1, 0]), *sizes, 1.0, None, None, None, None)
+        affine = np.column_stack([np.eye(3), (0.4 * unit, 0, 0)])
+        found = band_of(limb, affine, np.eye(3, 4), 9.0 * unit)
+        assert np.divide(found, unit) == pytest.approx((0.3, 0.9))

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from made_hook import hook, plane_of
 from made_tube import tube
+from scipy.spatial import cKDTree
 
 import dfd
+from dfd.editing.influence import mirror_images as module
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.posing.transforms import rotation_matrix
+from dfd.symmetry.plane import SymmetryPlane
 
 
 def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> Component:
@@ -79,3 +82,88 @@ def test_ends_that_differ_do_not_move_the_plane(pair):
 
 def test_faces_without_area_are_no_component():
     assert component_of(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)) is None
+
+
+@pytest.mark.parametrize(("lean", "found"), [(0.05, True), (0.0, False)])
+def test_a_plane_must_fit_better_by_a_quarter_than_a_translation(lean, found):
+    """A short tube leans, and its mirror image has waves, so neither fits exactly."""
+    line = np.linspace(-0.5, 0.5, 40)
+    one = tube(np.stack([line, lean * (np.sin(3 * line) + line), 0 * line], axis=1), 0.2 + 0.1 * lean * line)
+    image = one.vertices * (-1, 1, 1) + (2, 0, 0)
+    waves = 0.1 * np.sin(9 * image[:, :1] + 2) * (0, 0, 1)
+    assert (mirror_image(sampled(one, one.vertices), sampled(one, image + waves), None) is not None) == found
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_the_plane_between_two_components_does_not_depend_on_the_unit(unit):
+    mesh, plane = hook(), plane_of()
+    one, other = (sampled(mesh, unit * points) for points in (mesh.vertices, plane.reflect(mesh.vertices)))
+    found = mirror_image(one, other, None)
+    assert found is not None
+    np.testing.assert_allclose(found[:, :3], plane.reflection[:3, :3], atol=0.01)
+    np.testing.assert_allclose(found[:, 3] / unit, plane.reflection[:3, 3], atol=0.01)
+
+
+def reflected(one: Component, plane: SymmetryPlane) -> Component:
+    """Return the exact mirror images of the samples of a component."""
+    points = plane.reflect(one.points)
+    normals = one.normals @ plane.reflection[:3, :3]
+    return Component(points, normals, cKDTree(points), one.size)
+
+
+def test_from_the_true_plane_the_fit_does_not_move(pair):
+    refined = module._refined(pair[0], reflected(pair[0], plane_of()), plane_of().reflection[:3], 0.01)
+    assert error(refined, pair[0]) < 1e-9
+
+
+def test_a_mirror_image_of_another_size_is_none():
+    mesh = hook()
+    larger = plane_of().reflect(1.4 * mesh.vertices)
+    assert mirror_image(sampled(mesh, mesh.vertices), sampled(mesh, larger), None) is None
+
+
+@pytest.mark.parametrize(("apart", "found"), [(0.0008, False), (0.0015, True)])
+def test_components_must_be_apart_by_a_thousandth_of_their_size(pair, apart, found):
+    one, normal = pair[0], np.asarray(plane_of().normal)
+    plane = SymmetryPlane(tuple(normal), float(one.points.mean(axis=0) @ normal) + apart * one.size / 2)
+    assert (mirror_image(one, reflected(one, plane), None) is not None) == found
+
+
+def test_each_round_finds_the_best_plane_for_its_matches(pair, monkeypatch):
+    one, other = pair
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    start = plane_of(4, 0.85).reflection[:3]
+    refined = module._refined(one, other, start, 9.0)
+    assert refined is not None
+    apart, nearest = other.tree.query(one.points @ start[:, :3].T + start[:, 3])
+    kept = np.argsort(apart)[: int(0.85 * len(apart))]
+    here, there = one.points[kept], other.points[nearest[kept]]
+
+    def error_of(normal: np.ndarray) -> float:
+        unit = normal / np.linalg.norm(normal)
+        offset = unit @ (here.mean(axis=0) + there.mean(axis=0)) / 2
+        moved = here - 2 * np.outer(here @ unit - offset, unit)
+        return float(np.square(moved - there).sum())
+
+    normal = np.linalg.eigh(refined[:, :3])[1][:, 0]  # the eigenvector of the eigenvalue −1
+    least = error_of(normal)
+    for step in 1e-3 * np.concatenate([np.eye(3), -np.eye(3)]):
+        assert error_of(normal + step) >= least
+
+
+def test_the_misfit_is_the_distance_from_tangent_planes_nearby_and_from_samples_elsewhere():
+    """Two flat strips, of which one is twice as long, and a third one beside them."""
+    random = np.random.default_rng(0)
+
+    def strip(length: float, height: float) -> Component:
+        points = np.column_stack([random.uniform(0, length, 800), random.uniform(0, 0.3, 800), np.full(800, height)])
+        return Component(points, np.tile([0.0, 0, 1], (800, 1)), cKDTree(points), float(np.hypot(length, 0.3)))
+
+    one, long, above = strip(1, 0), strip(2, 0), strip(1, 0.05)
+    assert module._misfit(one, above, np.eye(3, 4)) == pytest.approx(0.05 / one.size, rel=1e-6)
+    apart = one.tree.query(long.points)[0]
+    squares = np.sort(np.square(np.where(apart > 0.1 * one.size, apart, 0)))[: int(0.85 * 800)]
+    wanted = np.sqrt(squares.mean()) / one.size
+    assert wanted > 0.2
+    assert module._misfit(one, long, np.eye(3, 4)) == pytest.approx(wanted, rel=1e-6)
+    assert module._misfit(long, one, np.eye(3, 4)) == pytest.approx(wanted * one.size / long.size, rel=1e-6)

@@ -12,10 +12,11 @@ PLACES, PER_PATCH, ROWS = 32, 4, 3
 STEP = 0.01  # distance between neighboring places
 
 
-def strip(crease: int, linked: int | None = None) -> SimpleNamespace:
+def strip(crease: int, linked: int | None = None, at: float = 99.0) -> SimpleNamespace:
     """Return the patches of a strip of `ROWS` rows of places, with a concave crease before the column `crease`.
 
-    A patch has `PER_PATCH` columns. If given, `linked` is a place to which a gap joins one more place, the last one.
+    A patch has `PER_PATCH` columns. If given, `linked` is a place to which a gap joins one more place, the last one, at
+    the column `at`. It belongs to the last patch.
     """
     number = np.arange(ROWS * PLACES).reshape(ROWS, PLACES)
     pairs = [
@@ -23,12 +24,12 @@ def strip(crease: int, linked: int | None = None) -> SimpleNamespace:
     ]
     joined = np.concatenate(pairs if linked is None else [*pairs, [[linked, number.size]]])
     row, column = np.divmod(np.arange(joined.max() + 1), PLACES)
-    column[number.size :] = 99
-    center = STEP * np.stack([column, row, 0 * row], axis=1)
+    row[number.size :], column[number.size :] = 0, PLACES - 1
+    center = STEP * np.stack([np.where(np.arange(len(row)) < number.size, column, at), row, 0 * row], axis=1)
     lean = np.where(column < crease, 0.6, -0.6)
     normal = np.stack([lean, 0 * lean, np.sqrt(1 - lean**2)], axis=1)
     length = np.where(joined.max(axis=1) < number.size, STEP, 0.0)
-    of_place = np.minimum(column, PLACES - 1) // PER_PATCH
+    of_place = column // PER_PATCH
     places = Borders(joined, length, center, normal)
     of_patches, along = _contracted(of_place, joined, length, PLACES // PER_PATCH)
     middle = np.stack([np.bincount(of_place, axis) / np.bincount(of_place) for axis in center.T], axis=1)
@@ -74,3 +75,9 @@ def test_places_across_a_gap_follow_the_place_to_which_they_are_linked():
     inside = np.arange(8) >= 4
     found = snapped(strip(18, PLACES - 1), inside)
     assert found[ROWS * PLACES]
+
+
+@pytest.mark.parametrize(("linked", "inside"), [(17, False), (18, True)])
+def test_a_place_across_a_gap_at_the_border_is_on_the_side_of_its_link(linked, inside):
+    found = snapped(strip(18, linked, linked + 0.4), np.arange(8) >= 4)
+    assert found[[linked, ROWS * PLACES]].tolist() == [inside, inside]

@@ -63,8 +63,6 @@ def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
     """Return the bands of the pieces of a column, for the motion of its handle in `edit`."""
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
     matrix = column.matrix(edit)
-    if np.array_equal(matrix, IDENTITY) and edit.default is None:
-        return tuple(band_at_rest(piece.component, mesh.diagonal) for piece in column.pieces)
     return tuple(band_of(piece.component, matrix, default, mesh.diagonal) for piece in column.pieces)
 
 
