@@ -167,14 +167,20 @@ def divided(
 
         def factor(vertices: NDArray[np.integer], j: int = j, rivals: Int64 = rivals, beside: Bool = beside) -> Float64:
             here, left = points[vertices], np.ones(len(vertices))
-            near = np.square(here - points[vertex_of[j]]).sum(axis=1) if len(rivals) else None
             for rival in rivals:
-                far = np.square(here - points[vertex_of[rival]]).sum(axis=1)
+                near, far = (_squares(here, points[vertex_of[number]]) for number in (j, rival))
                 left *= far / np.maximum(near + far, 1e-300)
             for i in np.flatnonzero(beside):
-                squares = np.square(here - places[i]).sum(axis=1) / radius[i] ** 2
-                left *= 1.0 - np.square(1.0 - np.minimum(squares, 1.0)) * at_rest[own[i], vertices]
+                squares = _squares(here, places[i]) / radius[i] ** 2
+                close = np.flatnonzero(squares < 1.0)
+                left[close] *= 1.0 - np.square(1.0 - squares[close]) * at_rest[own[i], vertices[close]]
             return left
 
         result.append(column.scaled(factor) if len(rivals) or beside.any() else column)
     return result
+
+
+def _squares(points: Float64, place: Float64) -> Float64:
+    """Return the squared distances (N,) of `points` (N, 3) from `place` (3,)."""
+    apart = points - place
+    return np.asarray(np.einsum("ni,ni->n", apart, apart), np.float64)
