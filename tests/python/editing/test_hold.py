@@ -164,10 +164,10 @@ def test_components_keep_their_numbers_and_others_join_the_nearest():
     mesh = straight(LENGTH, RINGS, RADIUS)
     nodes = nodes_of(mesh)
     component = np.full(len(nodes.center), -1)
-    for number, height in enumerate((0.5, 2.0, 2.5, 3.9)):
+    for number, height in enumerate((0.5, 2.0, 2.5, 3.9, 0.9)):
         component[np.abs(nodes.center[:, 1] - height) < 0.1] = number
     found = module._renumbered(nodes, component, [0, 3, 1])
-    for number, height in ((0, 0.5), (2, 2.0), (2, 2.5), (1, 3.9)):
+    for number, height in ((0, 0.5), (2, 2.0), (2, 2.5), (1, 3.9), (0, 0.9)):
         assert set(found[np.abs(nodes.center[:, 1] - height) < 0.1]) == {number}
     assert (found[component < 0] == -1).all()
 

@@ -61,7 +61,7 @@ class ShapeParts:
         parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
         component = parts.components(vertex, level)
         found = component is not None
-        if component is None:  # the part is the whole shape, or has no clear border
+        if component is None:  # no part at the vertex has a clear border
             component = np.full(len(nodes.component), -1)
             component[nodes.of_vertex[parts.part(vertex, level).vertices]] = 0
         inside, count = component >= 0, int(component.max()) + 1

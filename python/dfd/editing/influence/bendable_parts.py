@@ -212,14 +212,15 @@ def pivot_on(
 
     Raises ValueError if `which` is "plane" and the edit has no plane.
     """
-    point, chosen = np.asarray(handle.place.position), which
-    if chosen == "plane" and plane is None:
-        raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
+    point, chosen, projected = np.asarray(handle.place.position), which, which == "plane"
     if part is not None:
         axis = part.axis
         chosen = which or ("base" if axis.is_limb or axis.borders == 2 else "middle")
         point = {"base": axis.base, "middle": axis.middle, "hinge": axis.hinge[0]}.get(chosen, point)
+        projected |= which is None and part.across
     assert chosen is not None, "only a part has a default pivot"
-    if plane is not None and (chosen == "plane" or (which is None and part is not None and part.across)):
+    if projected:
+        if plane is None:
+            raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
         point = point - float(plane.signed_distance([point])[0]) * np.asarray(plane.normal)
     return vector("pivot", point), chosen
