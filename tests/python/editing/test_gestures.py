@@ -87,8 +87,9 @@ def test_a_drag_back_to_its_start_gives_the_first_shape(animal):
     for reach in (0.05, 1.0, 0.05, 0.5, 0.05):
         session.move(handle, translation=(reach * far, 0, 0))
         np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
-    session.move(still, translation=(0, 0.04, 0))
-    np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
+    for change in ({"translation": (0, 0.04, 0)}, {"bend": 30}, {"bend": 40}, {"twist": 25}, {"rotation": (0, 20, 0)}):
+        session.move(still, **change)
+        np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
 
 
 @pytest.mark.parametrize("counterparts", ["own_pivot", "only"])

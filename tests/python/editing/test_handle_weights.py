@@ -199,6 +199,9 @@ def test_the_weight_at_a_handle_is_1_for_compact_features_of_any_precision(compa
             deformer.add(vertex)
         np.testing.assert_array_equal(deformer.weights[vertices, np.arange(1, 1 + len(vertices))], 1)
         np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
+        for vertex in vertices[1::2]:  # fixed points take from the weights, and all are scaled up
+            deformer.fix(vertex + 1, strength=0.5)
+        np.testing.assert_array_equal(deformer.weights[vertices, np.arange(1, 1 + len(vertices))], 1)
 
 
 @pytest.mark.parametrize("most_exact", [100, 10_000])

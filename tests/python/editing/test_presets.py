@@ -4,6 +4,7 @@ import importlib.util
 import json
 import re
 import sys
+import warnings
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -243,8 +244,9 @@ def test_an_unknown_preset_is_refused(deformer, start):
 
 def test_the_papers_session_on_another_field_warns_and_names_what_differs(mesh, field):
     made = DistillSettings(preset="paper").as_dict()
-    dfd.Deformer(mesh, field.with_settings(made), preset="paper")
-    dfd.Deformer(mesh, field.with_settings(made | {"octaves": 5}))
+    with warnings.catch_warnings(action="error"):
+        dfd.Deformer(mesh, field.with_settings(made), preset="paper")
+        dfd.Deformer(mesh, field.with_settings(made | {"octaves": 5}))
     other = field.with_settings(made | {"octaves": 5, "simplify_to": 20_000})
     with pytest.warns(UserWarning, match="`preset` is 'paper', but the field .* other settings: .*octaves"):
         session = dfd.Deformer(mesh, other, preset="paper")

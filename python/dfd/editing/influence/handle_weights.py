@@ -317,7 +317,7 @@ class HandleWeights:
         return made.T
 
     def weights(self, edit: Edit) -> Float32:
-        """Return the weights (V, H) of Eq. 4 to 7, read-only: each column is for a handle and all its counterparts."""
+        """Return the weights (V, H) of Eq. 4 to 7: each column is for a handle and all its counterparts."""
         found = np.empty((len(edit.handles), len(self.mesh.vertices)), np.float32)
         for handle, row in zip(edit.handles, found, strict=True):
             weights, held = self.by_features.of(self.key(edit, handle)), self.held(edit, handle)
@@ -329,7 +329,6 @@ class HandleWeights:
                 np.minimum(made.sum(axis=1), 1.0, out=row)
             else:
                 row[:] = weights
-        found.flags.writeable = False
         return found.T
 
     def following(self, edit: Edit) -> Float32:
