@@ -71,7 +71,7 @@ HARMLESS: dict[str, tuple[str, ...]] = {
     "editing/influence/counterparts.py": ("component.max() + 3", "~nodes.used] = 2.0"),
     "editing/influence/fill.py": ("largest = 5",),
     "editing/influence/handle_weights.py": ("if len(moving) > 1",),
-    "editing/influence/hold.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True"),
+    "editing/influence/hold.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True", "0.002 * deviation"),
     "editing/influence/mirror_images.py": ("SAMPLES =", "ROUNDS ="),
     "editing/transfer.py": ("SAMPLE =", "np.clip(cosines, 0.0, 2.0)"),
 }

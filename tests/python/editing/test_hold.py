@@ -259,3 +259,9 @@ def test_bands_do_not_depend_on_the_unit():
         affine = np.column_stack([np.eye(3), (0.4 * unit, 0, 0)])
         found = band_of(limb, affine, np.eye(3, 4), 9.0 * unit)
         assert np.divide(found, unit) == pytest.approx((0.3, 0.9))
+
+
+def test_two_places_at_nearly_one_position_are_smoothed():
+    """Their edge is so short that in the equations of the smoothing, the mass of both is below rounding errors."""
+    pair = csr_array(([1e-9, 1e-9], ([0, 1], [1, 0])), shape=(2, 2))
+    np.testing.assert_allclose(module._smoothed(pair, np.array([0.1, 0.3]), -1.0, 1.0, 0.5), 0.2, atol=1e-3)

@@ -266,7 +266,8 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
         return field
     known = np.isfinite(field)
     among = surface[free]
-    conductance = csr_array((2 * deviation**2 / among.data, among.indices, among.indptr), shape=among.shape)
+    length = np.maximum(among.data, 1e-3 * deviation)  # with shorter edges, the matrix could be singular
+    conductance = csr_array((2 * deviation**2 / length, among.indices, among.indptr), shape=among.shape)
     conductance = conductance @ diags_array(known.astype(np.float64))
     mass = np.asarray(among.sum(axis=1)).ravel()
     within = conductance[:, free]
