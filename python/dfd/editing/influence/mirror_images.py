@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float64, Int32, unit
+from dfd.common.linear_algebra import Float64, Int32, Int64, unit
 from dfd.geometry.topology import even_points, face_areas
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -66,9 +66,15 @@ def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlan
 
 
 def _refined(one: Component, other: Component, reflection: Float64, most: float) -> Float64 | None:
-    """Return the reflection (3, 4) near `reflection` that fits best, or None if its misfit is above `most`."""
+    """Return the best reflection (3, 4) near `reflection`, or None if its misfit is above `most`."""
+    best, least = None, most
     for _ in range(ROUNDS):
-        apart, nearest = other.tree.query(one.points @ reflection[:, :3].T + reflection[:, 3])
+        points = one.points @ reflection[:, :3].T + reflection[:, 3]
+        apart, nearest = other.tree.query(points)
+        if _rms(points, (apart, nearest), other) <= least * one.size:  # the misfit is at least that
+            misfit = _misfit(one, other, reflection)
+            if misfit <= least:
+                best, least = reflection, misfit
         kept = np.argsort(apart)[: int(KEPT * len(apart))]
         here, there = one.points[kept], other.points[nearest[kept]]
         delta = here.mean(axis=0) - there.mean(axis=0)
@@ -76,7 +82,7 @@ def _refined(one: Component, other: Component, reflection: Float64, most: float)
         # The normal minimizes Σ ‖R x − y‖² over the matches x, y, for the reflection R with the best offset.
         normal = np.linalg.eigh(2 * (cross + cross.T) - len(here) * np.outer(delta, delta))[1][:, 0]
         reflection = _reflection(normal, float(normal @ (here.mean(axis=0) + there.mean(axis=0))) / 2)
-    return reflection if _misfit(one, other, reflection) <= most else None
+    return best
 
 
 def _reflection(normal: Float64, offset: float) -> Float64:
@@ -85,18 +91,19 @@ def _reflection(normal: Float64, offset: float) -> Float64:
 
 
 def _misfit(one: Component, other: Component, affine: Float64) -> float:
-    """Return the larger RMS distance between `one` moved by `affine` (3, 4) and `other`, divided by the size of `one`.
-
-    Each RMS is over the best 85 % of the samples of one component, measured from the surface of the other.
-    """
+    """Return the larger RMS distance between `one`, moved by `affine` (3, 4), and `other`, in sizes of `one`."""
     linear, shift = affine[:, :3], affine[:, 3]
-    there = one.points @ linear.T + shift, other
-    back = (other.points - shift) @ linear, one
-    found = []
-    for points, target in (there, back):
-        apart, nearest = target.tree.query(points)
-        above = np.abs(((points - target.points[nearest]) * target.normals[nearest]).sum(axis=1))
-        beside = apart > 0.1 * target.size  # too far from the nearest sample to use its tangent plane
-        squares = np.square(np.sort(np.where(beside, apart, above)))[: int(KEPT * len(points))]
-        found.append(float(np.sqrt(squares.mean())))
-    return max(found) / one.size
+    there, back = one.points @ linear.T + shift, (other.points - shift) @ linear
+    return max(_rms(there, other.tree.query(there), other), _rms(back, one.tree.query(back), one)) / one.size
+
+
+def _rms(points: Float64, matches: tuple[Float64, Int64], target: Component) -> float:
+    """Return the RMS distance of the best 85 % of `points` (N, 3) from the surface of `target`, in mesh units.
+
+    `matches` are the distances (N,) of the nearest samples of `target`, and their indices (N,).
+    """
+    apart, nearest = matches
+    above = np.abs(((points - target.points[nearest]) * target.normals[nearest]).sum(axis=1))
+    beside = apart > 0.1 * target.size  # too far from the nearest sample to use its tangent plane
+    squares = np.square(np.sort(np.where(beside, apart, above)))[: int(KEPT * len(points))]
+    return float(np.sqrt(squares.mean()))
