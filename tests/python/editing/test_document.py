@@ -408,3 +408,11 @@ def test_a_mesh_from_memory_and_names_that_are_no_text_are_left_out(edit, mesh, 
     made_on = json.loads((tmp_path / "one.json").read_text())["made_on"]
     assert (made_on["mesh"], Path(made_on["field"]).name) == (None, "near.safetensors")
     assert read_made_on(tmp_path / "one.json")[0] is None
+
+
+def test_the_files_of_an_edit_are_known_without_its_mesh(tmp_path):
+    plane = {"normal": [1, 0, 0], "offset": 0}
+    made_on = {"mesh": "cow.glb"}
+    document = {"format": "dfd-edit", "version": 1, "symmetry": plane, "made_on": made_on}
+    (tmp_path / "edit.json").write_text(json.dumps(document))
+    assert read_made_on(tmp_path / "edit.json") == (tmp_path / "cow.glb", None, None)
