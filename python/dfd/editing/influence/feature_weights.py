@@ -88,7 +88,7 @@ class FeatureWeights:
 
     def check_targets(self, edit: Edit) -> None:
         """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target."""
-        if not edit.rules.reach_targets:
+        if not edit.rules.reach_targets or not edit.fixed:
             return
         for handle in edit.handles:
             left = self._left(edit.fixed, handle.place)
