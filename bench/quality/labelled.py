@@ -80,7 +80,7 @@ def labelled_shapes(folder: Path | None, *, quick: bool = False) -> Iterator[Lab
 
 def _read(path: Path) -> LabelledShape:
     mesh = dfd.load(path)
-    names, of_face = _face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
+    names, of_face = face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
     votes = np.zeros((len(mesh.vertices), len(names)))
     areas = face_areas(mesh.vertices, mesh.faces)
     np.add.at(votes, (mesh.faces.T, of_face), areas)
@@ -88,7 +88,7 @@ def _read(path: Path) -> LabelledShape:
     return LabelledShape(f"{category} {path.stem}", mesh, votes.argmax(axis=1), names, category)
 
 
-def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
+def face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
     """Return the names of the parts, and the index (F,) of each face's part."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)

@@ -74,6 +74,7 @@ class Place:
     flat: Bool  # (F,) the person's segment
     closed: Bool  # (F,) the segment with everything that it cuts off from the largest rest
     others: float  # mean IoU of the other people's segments at this place
+    person: int = 0  # index of the person
 
     def iou(self, areas: Float64, inside: Bool) -> float:
         """Return the IoU of the faces `inside` (F,) with the segment, flat or closed, whichever is larger."""
@@ -86,16 +87,16 @@ def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
     """Return the numbers that `LEGEND` explains."""
     mesh = shape.mesh
     areas = face_areas(mesh.vertices, mesh.faces)
-    places = list(_places(shape, areas))
+    drawn = list(places(shape, areas))
     planes = symmetry_planes(field, mesh)
-    found = _levels(Parts(mesh, field.on(mesh).rows, lambda: planes), mesh, areas, places)
-    random = _levels(Parts(mesh, _waves(mesh), lambda: planes), mesh, areas, places, steps=0)[:, 0]
-    small = np.array([areas[place.flat].sum() / areas.sum() for place in places]) < SMALL
+    found = _levels(Parts(mesh, field.on(mesh).rows, lambda: planes), mesh, areas, drawn)
+    random = _levels(Parts(mesh, waves(mesh), lambda: planes), mesh, areas, drawn, steps=0)[:, 0]
+    small = np.array([areas[place.flat].sum() / areas.sum() for place in drawn]) < SMALL
     rows = {
         "level 0": found[:, STEPS],
         "best of ±1": found[:, STEPS - 1 : STEPS + 2].max(axis=1),
         "best of ±2": found.max(axis=1),
-        "another person": np.array([place.others for place in places]),
+        "another person": np.array([place.others for place in drawn]),
         "at least 0.7": (found[:, STEPS] >= 0.7).astype(np.float64),
         "random features": random,
     }
@@ -117,21 +118,22 @@ def _levels(parts: Parts, mesh: dfd.Mesh, areas: Float64, places: list[Place], s
     return found
 
 
-def _places(shape: PeopleShape, areas: Float64) -> Iterator[Place]:
+def places(shape: PeopleShape, areas: Float64) -> Iterator[Place]:
+    """Yield `PLACES` random places of a shape."""
     assert shape.segments is not None
     generator, people = np.random.default_rng(0), shape.segments
-    beside = _neighbors(shape.mesh)
+    beside = neighbors(shape.mesh)
     for _ in range(PLACES):
         person = int(generator.integers(len(people)))
         own = people[person]
         flat = own == generator.choice(np.unique(own))
         face = int(generator.choice(np.flatnonzero(flat), p=areas[flat] / areas[flat].sum()))
-        place = Place(face, flat, _closed(flat, areas, beside), 0.0)
+        place = Place(face, flat, closed_segment(flat, areas, beside), 0.0, person)
         others = [place.iou(areas, each == each[face]) for i, each in enumerate(people) if i != person]
         yield replace(place, others=float(np.mean(others)))
 
 
-def _neighbors(mesh: dfd.Mesh) -> csr_array:
+def neighbors(mesh: dfd.Mesh) -> csr_array:
     """Return which faces share an edge, as a sparse matrix (F, F)."""
     sides = np.sort(face_sides(mesh.faces), axis=1)
     order = np.lexsort(sides.T)
@@ -140,7 +142,7 @@ def _neighbors(mesh: dfd.Mesh) -> csr_array:
     return csr_array((np.ones(len(one)), (one, other)), shape=(len(mesh.faces),) * 2)
 
 
-def _closed(flat: Bool, areas: Float64, beside: csr_array) -> Bool:
+def closed_segment(flat: Bool, areas: Float64, beside: csr_array) -> Bool:
     """Return `flat` (F,) with all components of the rest but the largest."""
     out = np.flatnonzero(~flat)
     if len(out) == 0:
@@ -151,7 +153,7 @@ def _closed(flat: Bool, areas: Float64, beside: csr_array) -> Bool:
     return result
 
 
-def _waves(mesh: dfd.Mesh) -> Callable[[Int64], Float32]:
+def waves(mesh: dfd.Mesh) -> Callable[[Int64], Float32]:
     """Return random features of vertices: cosines of their positions, with about three waves along the shape."""
     generator = np.random.default_rng(0)
     waves, phases = generator.normal(size=(3, WAVES)), generator.uniform(0, 2 * np.pi, WAVES)

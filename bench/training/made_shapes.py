@@ -1,7 +1,8 @@
-"""Generate shapes whose parts are known: people, animals, insects, furniture and vessels, from rounded primitives.
+"""Generate shapes whose parts are known: people, animals, furniture, wheels, hands, …, from rounded primitives.
 
-Each primitive belongs to a named part, and each part hangs on another one. A shape is symmetric in the plane x = 0. The
-sizes, the directions, the numbers of limbs and fingers, and the smoothness of the transitions are random.
+Each primitive belongs to a named part, and each part hangs on another one. Parts that look alike have one kind, such as
+all legs of an animal. Half of the shapes are symmetric in the plane x = 0; a smooth random displacement bends the
+others. The sizes, the directions, the numbers of limbs and fingers, and the smoothness of the transitions are random.
 """
 
 from collections.abc import Sequence
@@ -27,15 +28,18 @@ class MadeShape:
 
     mesh: dfd.Mesh
     parts: tuple[tuple[Bool, Bool], ...]  # masks (V,) of each part: alone, and with all parts that hang on it
+    kinds: tuple[tuple[str, str], ...]  # for each part, the kind of each of its masks: masks of one kind look alike
+    family: str  # the generator that made the shape
 
 
 class Builder:
     """Collect the primitives of a shape."""
 
-    def __init__(self, random: np.random.Generator) -> None:
-        self.random = random
+    def __init__(self, random: np.random.Generator, family: str) -> None:
+        self.random, self.family = random, family
         self.primitives: list[Primitive] = []
         self.above: dict[str, str | None] = {}  # for each part, the part on which it hangs
+        self.kinds: dict[str, tuple[str, str]] = {}  # for each part, the kind of the part alone, and with what hangs on it
         self.blend = self.between(0.006, 0.05)  # width of the smooth transitions
 
     def between(self, low: float, high: float) -> float:
@@ -44,10 +48,15 @@ class Builder:
     def chance(self, probability: float) -> bool:
         return bool(self.random.random() < probability)
 
-    def part(self, above: str | None) -> str:
-        """Begin a part that hangs on `above`, and return its name."""
+    def part(self, above: str | None, kind: str = "", whole: str = "") -> str:
+        """Begin a part that hangs on `above`, and return its name.
+
+        `kind` is the kind of the part alone, and `whole` that of the part with everything that hangs on it. Without
+        `whole`, both are alike. Without `kind`, only the mirror image of the part looks alike.
+        """
         name = f"part {len(self.above)}"
         self.above[name] = above
+        self.kinds[name] = kind or name, whole or kind or name
         return name
 
     def add(self, name: str, distance: Distance, *, paired: bool = False, smooth: float | None = None) -> None:
@@ -66,13 +75,15 @@ class Builder:
         paired: bool = True,
         segments: int | None = None,
         spread: float = 0.35,
+        kind: str = "",
     ) -> tuple[str, Float64, Float64, float]:
         """Add a chain of segments, each a part. Return the last segment, its end, its direction and its radius."""
         count = segments or int(self.random.integers(1, 4))
         at, along = np.array(start, float), np.array(direction, float)
         along /= np.linalg.norm(along)
         for number in range(count):
-            above = self.part(above)
+            named = f"{kind} {number} of {count}" if kind else ""
+            above = self.part(above, named, kind if number == 0 else named)
             end = at + along * (length / count * self.between(0.8, 1.2))
             thin = radius * self.between(0.6, 0.95)
             rod = capsule(_point(at), _point(end), radius, thin)
@@ -93,7 +104,7 @@ class Builder:
         aside = np.cross(along, [0.3, 1, 0.2])
         aside /= np.linalg.norm(aside)
         for number in range(count):
-            finger, side = self.part(hand), 2 * (number + 0.5) / count - 1
+            finger, side = self.part(hand, "finger"), 2 * (number + 0.5) / count - 1
             start, towards = palm + aside * size * 0.75 * side, along + aside * 0.5 * side
             towards /= np.linalg.norm(towards)
             length = size * self.between(0.9, 1.8)
@@ -103,7 +114,7 @@ class Builder:
 
     def foot(self, above: str, at: Float64, along: Float64, radius: float) -> None:
         """Add a shoe, a hoof or a paw."""
-        foot, size, kind = self.part(above), radius * self.between(1.0, 1.7), self.random.random()
+        foot, size, kind = self.part(above, "foot"), radius * self.between(1.0, 1.7), self.random.random()
         if kind < 0.4:
             half = size * self.between(0.7, 1), size * self.between(0.4, 0.7), size * self.between(1.2, 2)
             shoe = rounded_box(_point(at + np.array([0, 0, size * 0.6])), half, size * 0.35)
@@ -147,10 +158,13 @@ class Builder:
     def finished(self, faces: int = FACES) -> MadeShape:
         """Return the mesh and its parts."""
         shape = Shape(self.primitives)
-        mesh = dfd.Mesh(*polygonize(shape, LOW, HIGH, faces))
-        labels, instances = shape.labels(mesh.vertices)
+        vertices, triangles = polygonize(shape, LOW, HIGH, faces)
+        labels, instances = shape.labels(vertices)
+        if self.chance(0.5):
+            vertices = self._displaced(vertices)
+        mesh = dfd.Mesh(vertices, triangles)
         areas = vertex_areas(mesh.vertices, mesh.faces)
-        found = []
+        found, kinds = [], []
         for number, name in enumerate(shape.parts):
             below = [i for i, each in enumerate(shape.parts) if self._hangs(each, name)]
             paired = bool(((labels == number) & (instances == 1)).any())
@@ -159,7 +173,17 @@ class Builder:
                 whole = np.isin(labels, below) & ((instances == side) | (not paired))
                 if areas[alone].sum() > SMALLEST * areas.sum():
                     found.append((alone, whole))
-        return MadeShape(mesh, tuple(found))
+                    kinds.append(self.kinds[name])
+        return MadeShape(mesh, tuple(found), tuple(kinds), self.family)
+
+    def _displaced(self, vertices: Float64) -> Float64:
+        """Return `vertices` (V, 3), moved by three smooth waves that are not symmetric."""
+        moved = np.array(vertices, np.float64)
+        for _ in range(3):
+            wave, push = self.random.normal(size=3), self.random.normal(size=3)
+            phase = vertices @ (wave / np.linalg.norm(wave) * self.between(1.5, 3.5)) + self.between(0, 6.3)
+            moved += np.sin(phase)[:, None] * push * 0.04
+        return moved
 
     def _hangs(self, name: str | None, on: str) -> bool:
         while name is not None and name != on:
@@ -206,10 +230,10 @@ def animal(build: Builder) -> None:
     end = (0.0, 0.52 + width * 0.5 + between(0.1, 0.25), half + rise * 0.2)
     build.add(neck, capsule((0, 0.55, half), end, width * between(0.5, 0.7), width * between(0.4, 0.6)))
     build.head(neck, end, between(0.06, 0.11))
+    segments, thick = int(build.random.integers(1, 4)), max(width * between(0.25, 0.5), 0.022)
     for place in (half * 0.9, -half * 0.9):
-        start, along = (width * 0.6, 0.46, place), (between(0, 0.2), -1, 0)
-        length, thick = between(0.3, 0.42), max(width * between(0.25, 0.5), 0.022)
-        build.foot(*build.limb(torso, start, along, length, thick, spread=0.12))
+        start, along, length = (width * 0.6, 0.46, place), (between(0, 0.2), -1, 0), between(0.3, 0.42)
+        build.foot(*build.limb(torso, start, along, length, thick, spread=0.12, segments=segments, kind="leg"))
     if build.chance(0.8):
         start, along = (0, 0.55, -half - width * 0.7), (0, between(-1, 1), -1)
         build.limb(torso, start, along, between(0.12, 0.4), width * between(0.15, 0.35), paired=False)
@@ -225,11 +249,12 @@ def insect(build: Builder) -> None:
         build.add(above, ellipsoid((0, 0.4, place), radii))
         bodies.append(above)
         place -= size * 2.2
-    pairs = int(build.random.integers(2, 5))
+    pairs, segments = int(build.random.integers(2, 5)), int(build.random.integers(1, 3))
+    long, thick = between(0.15, 0.35), between(0.012, 0.035)
     for number in range(pairs):
         start, along = (width * 0.7, 0.4, 0.3 - 0.5 * number / pairs), (1, between(-0.6, 0.4), between(-0.4, 0.4))
-        length, thick = between(0.15, 0.35), between(0.012, 0.035)
-        build.limb(bodies[0], start, along, length, thick, segments=int(build.random.integers(1, 3)))
+        length = long * between(0.8, 1.25)
+        build.limb(bodies[0], start, along, length, thick, segments=segments, kind="leg")
     if build.chance(0.6):
         build.limb(bodies[0], (width * 0.4, 0.45, 0.3), (0.4, 0.7, 0.8), between(0.1, 0.25), 0.013, segments=1)
     if build.chance(0.5):
@@ -246,9 +271,10 @@ def furniture(build: Builder) -> None:
     seat = build.part(None)
     build.add(seat, rounded_box((0, height, 0), (width, thick, depth), thick * 0.5))
     build.blend = min(build.blend, 0.025)
+    radius = between(0.018, 0.04)
     for place in (depth * 0.8, -depth * 0.8):
         start, along = (width * 0.85, height - thick * 0.5, place), (between(0, 0.2), -1, 0)
-        build.limb(seat, start, along, height - thick, between(0.018, 0.04), segments=1, spread=0)
+        build.limb(seat, start, along, height - thick, radius, segments=1, spread=0, kind="leg")
     back = -depth * 0.9
     if build.chance(0.6):
         tall = between(0.2, 0.4)
@@ -259,7 +285,7 @@ def furniture(build: Builder) -> None:
             rail = build.part(seat)
             build.add(rail, rounded_box((0, height + tall, back), (width * 0.95, 0.03, 0.022), 0.015))
             for number in range(int(build.random.integers(1, 3))):
-                slat, x = build.part(rail), width * 0.85 * (number + 0.5) / 2
+                slat, x = build.part(rail, "slat"), width * 0.85 * (number + 0.5) / 2
                 rod = capsule((x, height, back), (x, height + tall, back), between(0.014, 0.025))
                 build.add(slat, rod, paired=True)
     if build.chance(0.4):
@@ -294,11 +320,125 @@ def vessel(build: Builder) -> None:
         build.limb(body, (width * 0.6, 0.3, width * 0.5), (0.3, -1, 0.2), 0.28, 0.03, segments=1)
 
 
-KINDS = (person, animal, insect, furniture, vessel)
+def octopus(build: Builder) -> None:
+    between, body = build.between, build.part(None)
+    size, count = between(0.12, 0.22), 2 * int(build.random.integers(2, 5))
+    build.add(body, ellipsoid((0, 0.7, 0), (size, size * between(0.9, 1.6), size)))
+    length, thick, drop, turn = between(0.3, 0.7), size * between(0.15, 0.4), between(0.2, 1.0), build.chance(0.5)
+    for number in range(count // 2):
+        angle = 2 * np.pi * (number + 0.5) / count
+        across, along = float(np.sin(angle)), float(np.cos(angle))
+        start = (size * 0.7 * across, 0.62, size * 0.7 * along)
+        segments = 3 if turn else 1
+        direction = (across, -drop, along)
+        build.limb(body, start, direction, length * between(0.8, 1.2), thick, segments=segments, spread=0.5, kind="arm")
+    if build.chance(0.5):
+        eye, radius = build.part(body), size * between(0.15, 0.25)
+        build.add(eye, ellipsoid((size * 0.5, 0.75, size * 0.8), (radius,) * 3), paired=True, smooth=0.15)
+
+
+def hand_alone(build: Builder) -> None:
+    between, palm = build.between, build.part(None)
+    half, count = between(0.12, 0.2), int(build.random.integers(3, 6))
+    build.add(palm, rounded_box((0, 0.5, 0), (half * between(0.25, 0.5), half * between(0.9, 1.3), half), half * 0.25))
+    thick, long = half * between(0.7, 0.95) / count, half * between(1.3, 2.2)
+    for number in range(count):
+        side = 2 * (number + 0.5) / count - 1
+        start, along = (0, 0.5 + half * 0.8, half * 0.8 * side), (0, 1, between(0.1, 0.5) * side)
+        length = long * (1 - 0.25 * side * side) * between(0.85, 1.15)
+        build.limb(palm, start, along, length, thick, segments=1, paired=False, kind="finger")
+    if build.chance(0.7):
+        start, along = (0, 0.45, -half * 0.8), (0, between(0.2, 1), -1)
+        build.limb(palm, start, along, long * 0.7, thick * 1.2, paired=False, segments=1)
+    wrist = build.part(palm)
+    build.add(wrist, capsule((0, 0.42 - half, 0), (0, 0.1, 0), half * between(0.35, 0.6)))
+
+
+def wheel(build: Builder) -> None:
+    """Make a wheel with spokes, or a flower with petals, in the plane x = 0."""
+    between, hub = build.between, build.part(None)
+    count, size, radius = int(build.random.integers(3, 9)), between(0.06, 0.14), between(0.35, 0.6)
+    build.add(hub, ellipsoid((0, 0.7, 0), (size, size, size)))
+    rimmed, thick = build.chance(0.5), between(0.02, 0.05)
+    for number in range(count):
+        angle = 2 * np.pi * number / count
+        along = np.array([0, np.cos(angle), np.sin(angle)])
+        start, end = along * size * 0.6 + [0, 0.7, 0], along * radius + [0, 0.7, 0]
+        tip = thick if rimmed else thick * between(0.8, 2.2)
+        build.add(build.part(hub, "spoke"), capsule(_point(start), _point(end), thick, tip), smooth=0.6)
+    if rimmed:
+        rim, angles = build.part(hub), np.linspace(0, 2 * np.pi, 25)
+        points = [(0.0, 0.7 + radius * float(np.cos(each)), radius * float(np.sin(each))) for each in angles]
+        for rod in chain(points, [between(0.03, 0.06)] * len(points)):
+            build.add(rim, rod, smooth=0.6)
+    elif build.chance(0.5):
+        build.limb(hub, (0, 0.65, 0), (between(-1, 1), -1, 0), between(0.3, 0.6), thick, paired=False, segments=1)
+
+
+def vehicle(build: Builder) -> None:
+    between, body = build.between, build.part(None)
+    width, height, half = between(0.14, 0.24), between(0.06, 0.14), between(0.35, 0.65)
+    build.blend = min(build.blend, 0.02)
+    build.add(body, rounded_box((0, 0.4, 0), (width, height, half), 0.03))
+    if build.chance(0.7):
+        cabin, long = build.part(body), half * between(0.3, 0.6)
+        build.add(cabin, rounded_box((0, 0.4 + height + 0.08, between(-0.1, 0.1)), (width * 0.85, 0.1, long), 0.03))
+    size, pairs = between(0.07, 0.13), int(build.random.integers(2, 4))
+    for number in range(pairs):
+        place = half * 0.8 * (2 * number / (pairs - 1) - 1)
+        tire = ellipsoid((width, 0.4 - height, place), (between(0.03, 0.05), size, size))
+        build.add(build.part(body, "wheel"), tire, paired=True, smooth=0.3)
+    if build.chance(0.6):
+        radius = between(0.025, 0.04)
+        lamp = ellipsoid((width * 0.6, 0.42, half), (radius,) * 3)
+        build.add(build.part(body), lamp, paired=True, smooth=0.3)
+    if build.chance(0.4):
+        exhaust = capsule((width * 0.5, 0.35, -half), (width * 0.5, 0.35, -half - 0.12), 0.02)
+        build.add(build.part(body), exhaust, paired=build.chance(0.5), smooth=0.3)
+
+
+def rack(build: Builder) -> None:
+    """Make a row of equal things on a board: a fence, a comb, a table with many legs, or a rack of knobs."""
+    between, board = build.between, build.part(None)
+    half, thick = between(0.4, 0.9), between(0.02, 0.05)
+    build.blend = min(build.blend, 0.02)
+    build.add(board, rounded_box((0, 0.7, 0), (between(0.03, 0.25), thick, half), thick * 0.5))
+    count, radius, long = int(build.random.integers(3, 8)), between(0.018, 0.04), between(0.08, 0.4)
+    down, knob = -1 if build.chance(0.6) else 1, build.chance(0.4)
+    for number in range(count):
+        place = half * 0.9 * (2 * number / (count - 1) - 1)
+        rod = build.part(board, "rod", "rod with knob")
+        build.add(rod, capsule((0, 0.7, place), (0, 0.7 + down * long, place), radius), smooth=0.4)
+        if knob:
+            end = ellipsoid((0, 0.7 + down * (long + radius), place), (radius * 2,) * 3)
+            build.add(build.part(rod, "knob"), end, smooth=0.4)
+    if build.chance(0.4):
+        rail = (0, 0.7 + down * long * 0.6, -half), (0, 0.7 + down * long * 0.6, half)
+        build.add(build.part(board), capsule(*rail, radius * 0.8), smooth=0.4)
+
+
+def tool(build: Builder) -> None:
+    """Make glasses, tongs or a plane: two long arms, and something between them."""
+    between, middle = build.between, build.part(None)
+    size = between(0.05, 0.12)
+    build.add(middle, ellipsoid((0, 0.6, 0), (size * between(1, 2), size, size)))
+    start, along = (size * 0.8, 0.6, 0), (between(0.3, 1), between(-0.3, 0.3), between(-1, 1))
+    above, at, *_ = build.limb(middle, start, along, between(0.2, 0.45), size * between(0.3, 0.6), segments=1)
+    if build.chance(0.6):
+        build.add(build.part(above), ellipsoid(_point(at), (between(0.05, 0.12), between(0.05, 0.12), 0.03)), paired=True)
+    if build.chance(0.6):
+        start, along = (size * 0.5, 0.6, -size * 0.5), (between(0.1, 0.5), between(-0.2, 0.2), -1)
+        build.limb(middle, start, along, between(0.2, 0.5), size * between(0.3, 0.6))
+    if build.chance(0.5):
+        build.limb(middle, (0, 0.6, size * 0.7), (0, between(-0.5, 0.5), 1), between(0.15, 0.5), size * 0.6, paired=False)
+
+
+FAMILIES = (person, animal, insect, furniture, vessel, octopus, hand_alone, wheel, vehicle, rack, tool)
 
 
 def made_shape(number: int) -> MadeShape:
-    """Return the shape with a number. Numbers with the same remainder modulo 5 are of one kind."""
-    build = Builder(np.random.default_rng(number))
-    KINDS[number % len(KINDS)](build)
+    """Return the shape with a number. Numbers with the same remainder modulo `len(FAMILIES)` are of one family."""
+    family = FAMILIES[number % len(FAMILIES)]
+    build = Builder(np.random.default_rng(number), family.__name__)
+    family(build)
     return build.finished()
