@@ -113,7 +113,7 @@ def _levels(parts: Parts, mesh: dfd.Mesh, areas: Float64, places: list[Place], s
         vertex = int(mesh.faces[place.face, 0])
         low, high = parts.levels(vertex)
         for column, level in enumerate(range(-steps, steps + 1)):
-            mask = parts.part(vertex, min(max(level, low), high), alike=False).mask
+            mask = parts.part(vertex, min(max(level, low), high), follow="none").mask
             row[column] = place.iou(areas, mask[mesh.faces].sum(axis=1) >= 2)
     return found
 

@@ -39,7 +39,9 @@ class Builder:
         self.random, self.family = random, family
         self.primitives: list[Primitive] = []
         self.above: dict[str, str | None] = {}  # for each part, the part on which it hangs
-        self.kinds: dict[str, tuple[str, str]] = {}  # for each part, the kind of the part alone, and with what hangs on it
+        self.kinds: dict[
+            str, tuple[str, str]
+        ] = {}  # for each part, the kind of the part alone, and with what hangs on it
         self.blend = self.between(0.006, 0.05)  # width of the smooth transitions
 
     def between(self, low: float, high: float) -> float:
@@ -425,12 +427,16 @@ def tool(build: Builder) -> None:
     start, along = (size * 0.8, 0.6, 0), (between(0.3, 1), between(-0.3, 0.3), between(-1, 1))
     above, at, *_ = build.limb(middle, start, along, between(0.2, 0.45), size * between(0.3, 0.6), segments=1)
     if build.chance(0.6):
-        build.add(build.part(above), ellipsoid(_point(at), (between(0.05, 0.12), between(0.05, 0.12), 0.03)), paired=True)
+        build.add(
+            build.part(above), ellipsoid(_point(at), (between(0.05, 0.12), between(0.05, 0.12), 0.03)), paired=True
+        )
     if build.chance(0.6):
         start, along = (size * 0.5, 0.6, -size * 0.5), (between(0.1, 0.5), between(-0.2, 0.2), -1)
         build.limb(middle, start, along, between(0.2, 0.5), size * between(0.3, 0.6))
     if build.chance(0.5):
-        build.limb(middle, (0, 0.6, size * 0.7), (0, between(-0.5, 0.5), 1), between(0.15, 0.5), size * 0.6, paired=False)
+        build.limb(
+            middle, (0, 0.6, size * 0.7), (0, between(-0.5, 0.5), 1), between(0.15, 0.5), size * 0.6, paired=False
+        )
 
 
 FAMILIES = (person, animal, insect, furniture, vessel, octopus, hand_alone, wheel, vehicle, rack, tool)

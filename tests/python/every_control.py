@@ -19,6 +19,7 @@ from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.geometry.findings import findings
 from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import Transform
+from dfd.segmentation.follow import Follow
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import Falloff, bind
@@ -85,16 +86,18 @@ def _edited(
     session = Deformer(mesh, field, features=features)
     turned: dict[str, Any] = {"rotation": (10, 70, 20), "scale": (1.5, 0.7, 1.0), "translation": [0.1 * size] * 3}
     near: tuple[dict[str, Any], ...] = ({}, {"locality": 2.0}, {"radius": "30%"})
-    for kind, how in zip(get_args(Counterparts), random.permutation(near), strict=True):  # type: ignore[arg-type]
+    kinds = zip(get_args(Counterparts), get_args(Follow)[1:], random.permutation(near)[:2], strict=True)  # type: ignore[arg-type]
+    for kind, follow, how in kinds:
         session.apply(Edit())
-        held = session.add(handles[0], counterparts=kind, level=random.integers(-3, 4), **turned, **how)
+        held = session.add(handles[0], counterparts=kind, follow=follow, level=random.integers(-3, 4), **turned, **how)
         _check(session)
         off = [one.vertex for one, _ in session.bound.counterparts(session.edit, session.handle(held))]
         session.change(held, excluded_counterparts=off[1::2])
         _check(session)
     session.apply(Edit())
-    for handle, kind in zip(handles, ("own_pivot", "only", "shared_pivot"), strict=False):
-        _tried(session.add, handle, counterparts=kind, reach=random.choice([0.3, 1.0]), **turned)
+    hows: Any = ({"counterparts": "own_pivot"}, {"follow": "none"}, {"counterparts": "shared_pivot"})
+    for handle, how in zip(handles, hows, strict=False):
+        _tried(session.add, handle, **how, reach=random.choice([0.3, 1.0]), **turned)
     for region in _regions(mesh, random):
         _tried(session.add, region, strength=0.5, translation=(0, 0.1 * size, 0))
         if region != "top":  # a point

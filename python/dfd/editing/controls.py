@@ -14,6 +14,7 @@ from dfd.common.preset import Preset
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Counterparts, Reach
 from dfd.editing.regions import Region
+from dfd.segmentation.follow import Follow
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
@@ -85,12 +86,21 @@ class Controls(Brief):
             metavar="N",
         ),
     ] = 0
+    follow: Annotated[
+        Follow,
+        About(
+            "Who follows the handle: all parts that look alike, only mirror images of its part, or none.",
+            metavar="all|mirror|none",
+            affects="pose",
+            label="Who follows",
+        ),
+    ] = "all"
     counterparts: Annotated[
         Counterparts,
         About(
-            "How counterparts move: about their own pivots, about the handle's pivot (shared_pivot, as in the paper), "
-            "or not at all (only).",
-            metavar="own_pivot|shared_pivot|only",
+            "How counterparts move: about their own pivots, or about the handle's pivot, as in the paper "
+            "(shared_pivot).",
+            metavar="own_pivot|shared_pivot",
             affects="pose",
             label="Counterparts",
         ),

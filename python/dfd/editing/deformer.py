@@ -30,6 +30,7 @@ from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform
+from dfd.segmentation.follow import Follow
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
@@ -141,7 +142,7 @@ class Deformer(History):
         """Return the counterparts of a handle, and whether each moves with the handle.
 
         The first counterpart is at the handle itself. The others are in order of decreasing similarity. They do not
-        move if `excluded_counterparts` excludes them, or if the control `counterparts` is "only".
+        move if `excluded_counterparts` excludes them, or if the control `follow` leaves them out.
 
         Raises ValueError if there is no such handle.
         """
@@ -204,7 +205,8 @@ class Deformer(History):
             `open` sets `rotation` and `pivot`.
         name
             The name for display.
-        reach, level, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
+        reach, level, follow, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask,
+        mask_feather
             The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
             With `mask="part"`, the mask is the part at the handle.
 
@@ -278,15 +280,16 @@ class Deformer(History):
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
     @public
-    def part(self, at: Any, *, level: int = 0, alike: bool = True) -> VertexSet:
+    def part(self, at: Any, *, level: int = 0, follow: Follow = "all") -> VertexSet:
         """Return the part of the shape at a place, as a region for `add`, `fix` and `mask`.
 
         `at` is as in `add`. If `at` is a region, the result is the part at the vertex that is nearest to the region's
-        center. `level` and `alike` are as in `dfd.Parts.part`.
+        center. `level` and `follow` are as in `dfd.Parts.part`.
 
-        Raises ValueError if `at` is no place, `level` is no whole number, or the mesh has no face with an area.
+        Raises ValueError if `at` is no place, `level` is no whole number, or `follow` is another word. Raises
+        ValueError if the mesh has no face with an area.
         """
-        return verbs.part_at(self.bound, at, level, alike=alike)
+        return verbs.part_at(self.bound, at, level, follow=follow)
 
     @property
     def preset(self) -> Preset:

@@ -12,7 +12,7 @@ from dfd.weights.bind import Falloff
 
 PARTLESS_REACH = 0.7  # the reach, a feature distance, that replaces "part" on a shape without parts, such as a ball
 
-Counterparts = Literal["own_pivot", "shared_pivot", "only"]
+Counterparts = Literal["own_pivot", "shared_pivot"]
 Reach = float | Literal["part"]
 SymmetryCandidates = Literal["any", "axes"]
 

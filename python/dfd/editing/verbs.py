@@ -18,6 +18,7 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import VertexSet
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
+from dfd.segmentation.follow import Follow
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -66,10 +67,10 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
     return replace(edit, default=None if transform == Transform() else transform)
 
 
-def part_at(weights: HandleWeights, at: Any, level: int = 0, *, alike: bool = True) -> VertexSet:
-    """Return the vertices of the part at a place. `level` and `alike` are as in `dfd.Parts.part`."""
+def part_at(weights: HandleWeights, at: Any, level: int = 0, *, follow: Follow = "all") -> VertexSet:
+    """Return the vertices of the part at a place. `level` and `follow` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
-    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, alike=alike).mask)
+    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, follow=follow).mask)
 
 
 def next_level(weights: HandleWeights, vertex: int, level: int, step: int) -> int:
@@ -109,7 +110,11 @@ def _part_named(weights: HandleWeights, at: Any, level: int) -> Any:
     if not isinstance(at, str):
         return at
     kind, _, where = at.partition("@")
-    return part_at(weights, where, level, alike=kind == "part") if where and kind in ("part", "piece") else at
+    return (
+        part_at(weights, where, level, follow="all" if kind == "part" else "none")
+        if where and kind in ("part", "piece")
+        else at
+    )
 
 
 def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:

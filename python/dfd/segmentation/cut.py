@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from dfd.common.linear_algebra import Bool, Int64
-from dfd.segmentation.alike import alike
+from dfd.segmentation.alike import Alike
 from dfd.segmentation.choose import candidates, ladder
 from dfd.segmentation.patches import ACROSS, TINY
 from dfd.segmentation.trees import Trees
@@ -18,7 +18,7 @@ def cut_labels(trees: Trees) -> Int64:
     """Return the part of each patch, (P,). A part that is too small joins the part that it touches most."""
     patches = trees.patches
     handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
-    groups: list[list[Bool]] = []  # the components of each part
+    alike, groups = Alike(trees), list[list[Bool]]()  # the components of each part
     of_handle = np.empty(len(handles), np.int64)
     for row, handle in enumerate(handles.tolist()):
         found = candidates(trees, handle)
@@ -28,7 +28,7 @@ def cut_labels(trees: Trees) -> Int64:
         same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
             same = [len(groups)]
-            groups.append(alike(trees, int(found.nodes[chosen]), region))
+            groups.append([region, *(each.region for each in alike.followers(region))])
         of_handle[row] = same[0]
     return _without_fragments(trees, _nearest(trees, handles, of_handle, groups))
 

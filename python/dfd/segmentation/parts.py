@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -15,10 +15,12 @@ from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.alike import alike as alike_regions
+from dfd.segmentation.alike import POSSIBLE, Alike
 from dfd.segmentation.border import snapped
 from dfd.segmentation.choose import Candidates, candidates, ladder
 from dfd.segmentation.cut import cut_labels
+from dfd.segmentation.follow import Follow
+from dfd.segmentation.levels import components_at
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import Trees
 from dfd.symmetry.plane import SymmetryPlane
@@ -57,7 +59,7 @@ class Parts:
     def __repr__(self) -> str:
         return f"Parts({self._mesh!r})"
 
-    def part(self, at: Any, level: int = 0, *, alike: bool = True) -> Part:
+    def part(self, at: Any, level: int = 0, *, follow: Follow = "all") -> Part:
         """Return the part at a place.
 
         Parameters
@@ -68,13 +70,16 @@ class Parts:
             0 is the part that a user most likely means. −1, −2, … are smaller parts inside it, and 1, 2, … are larger
             parts that contain it. The next smaller and the next larger component, object or material of the file are
             the levels −1 and 1. A level beyond the smallest or the largest part stands for that part.
-        alike
-            Whether the part includes its counterparts, such as the other legs. False gives one component.
+        follow
+            Which counterparts belong to the part: "all" that look alike, such as the other legs, only "mirror" images,
+            or "none". With each of these, the part of a level contains the parts of all lower levels.
 
-        Raises ValueError if `at` is no vertex or point, `level` is no whole number, or no face has an area above 0.
+        Raises ValueError if `at` is no vertex or point, `level` is no whole number, `follow` is another word, or no
+        face has an area above 0.
         """
         vertex = self._vertex(at)
-        component, share = self._components(vertex, check.whole("Parts.part", "level", level), with_alike=alike)
+        check.choice("Parts.part", "follow", follow, Follow)
+        component, share = self._components(vertex, check.whole("Parts.part", "level", level), follow)
         mask = self._at_vertices([component < 0, component >= 0]) == 1
         first = first_at_place(self._mesh)
         mask |= first == first[vertex]  # the interpolation can exclude the vertex from a small part
@@ -92,7 +97,21 @@ class Parts:
         vertex = self._vertex(at)
         if level == 0 and not self._ladder(int(self._patches.of_vertex[vertex]))[0].clear:
             return None
-        return self._components(vertex, level)[0]
+        return self._components(vertex, level, "all")[0]
+
+    def left_out(self, at: Any, level: int = 0) -> list[int]:
+        """Return a vertex of each region that may be of the part's kind, but is not likely enough to follow.
+
+        Its probability is at least one third. `at` and `level` are as in `part`. The most likely region is the first.
+        """
+        if not self._has_surface:
+            return []
+        patches = self._patches
+        found, rungs, middle = self._ladder(int(patches.of_vertex[self._vertex(at)]))
+        held = np.any(self._set(found, rungs, middle, level, "all"), axis=0)
+        region = found.regions[rungs[min(max(middle + level, 0), len(rungs) - 1)]]
+        possible = self._alike.followers(region, within=~held | region, least=POSSIBLE)
+        return [int(np.flatnonzero(each.region[patches.of_vertex])[0]) for each in possible]
 
     def levels(self, at: Any) -> tuple[int, int]:
         """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""
@@ -131,16 +150,15 @@ class Parts:
         if self._has_surface:
             _ = self._trees
 
-    def _components(self, vertex: int, level: int, *, with_alike: bool = True) -> tuple[Int64, float]:
+    def _components(self, vertex: int, level: int, follow: Follow) -> tuple[Int64, float]:
         """Return `components` (N,) at a vertex, and the part's share of the surface."""
         patches = self._patches
         found, rungs, middle = self._ladder(int(patches.of_vertex[vertex]))
-        chosen = rungs[min(max(middle + level, 0), len(rungs) - 1)]
-        region, node = found.regions[chosen], int(found.nodes[chosen])
-        regions = np.array(alike_regions(self._trees, node, region) if with_alike else [region])
+        level = min(max(level, -middle), len(rungs) - 1 - middle)
+        regions = np.array(self._set(found, rungs, middle, level, follow))
         inside: Bool = np.any(regions, axis=0)
         place = int(patches.place[patches.nodes.of_vertex[vertex]])
-        side = snapped(patches, inside, place if place >= 0 else None)
+        side = self._side(found, rungs, middle, level, follow, place)
         component = np.where(inside, regions.argmax(axis=0), -1)[patches.of_place]
         lost = np.flatnonzero(side & (component < 0))
         if len(lost):  # the border moved outwards: these places belong to the nearest component
@@ -150,6 +168,23 @@ class Parts:
         component = np.where(patches.place >= 0, component[patches.place], -1)
         component[patches.nodes.of_vertex[vertex]] = 0
         return component, float(patches.area @ inside)
+
+    def _set(self, found: Candidates, rungs: list[int], middle: int, level: int, follow: Follow) -> list[Bool]:
+        """Return the components (P,) of the part at a level. `found`, `rungs` and `middle` are those of `_ladder`."""
+        key = found.regions[rungs].tobytes(), middle, level, follow
+        if key not in self._sets:
+            regions = [found.regions[rung] for rung in rungs]
+            self._sets[key] = components_at(self._alike, regions, middle, level, follow)
+        return self._sets[key]
+
+    def _side(self, found: Candidates, rungs: list[int], middle: int, level: int, follow: Follow, place: int) -> Bool:
+        """Return the places (M,) of the part at a level. Moved borders of neighboring levels do not cross."""
+        inside: Bool = np.any(self._set(found, rungs, middle, level, follow), axis=0)
+        side = snapped(self._patches, inside, place if place >= 0 else None)
+        if level:
+            nearer = self._side(found, rungs, middle, level - int(np.sign(level)), follow, place)
+            side = side | nearer if level > 0 else side & nearer
+        return side
 
     def _ladder(self, patch: int) -> tuple[Candidates, list[int], int]:
         if patch not in self._ladders:
@@ -182,6 +217,14 @@ class Parts:
     @cached_property
     def _ladders(self) -> dict[int, tuple[Candidates, list[int], int]]:
         return {}
+
+    @cached_property
+    def _sets(self) -> dict[Hashable, list[Bool]]:
+        return {}
+
+    @cached_property
+    def _alike(self) -> Alike:
+        return Alike(self._trees)
 
     @cached_property
     def _has_surface(self) -> bool:

@@ -38,6 +38,8 @@ class Trees:
     ----------
     links
         (P, P) distances between the centers of neighboring patches.
+    traits
+        (P, D) features of the patches, minus their mean, divided by their standard deviation over the surface.
     values
         (P, K) smoothed features of the patches, divided by their standard deviation over the surface.
     steps
@@ -58,6 +60,8 @@ class Trees:
     def __init__(self, patches: Patches, features: Float64) -> None:
         """Build the trees from `features` (P, D) of the patches."""
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
+        centered = features - patches.area @ features
+        self.traits = centered / max(float(np.sqrt(patches.area @ np.square(centered).sum(axis=1))), TINY)
         smooth = smoothed(patches, features)
         spread = float(np.sqrt(patches.area @ np.square(smooth).sum(axis=1)))  # smoothing keeps the mean, which is 0
         self.values = smooth / max(spread, TINY)
@@ -98,11 +102,6 @@ class Trees:
     def areas(self) -> Float64:
         """Return the area of each region, (T,), as a share of the surface."""
         return self.inside @ self.patches.area
-
-    @cached_property
-    def means(self) -> Float64:
-        """Return the mean `values` (T, K) of each region."""
-        return (self.inside * self.patches.area) @ self.values / self.areas[:, None]
 
     def mean(self, region: Bool) -> Float64:
         """Return the mean `values` (K,) of the patches `region` (P,)."""

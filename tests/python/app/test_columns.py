@@ -76,19 +76,19 @@ def test_columns_are_the_bound_weights(client: Client) -> None:
     np.testing.assert_allclose(client.following(), deformer.following, atol=5e-5)
 
 
-@pytest.mark.parametrize("mode", ["own_pivot", "shared_pivot", "only"])
+@pytest.mark.parametrize("how", [{"counterparts": "own_pivot"}, {"counterparts": "shared_pivot"}, {"follow": "none"}])
 @pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
-def test_columns_act_as_the_kernel_poses_them(client: Client, mode: Any, pivot: Any) -> None:
+def test_columns_act_as_the_kernel_poses_them(client: Client, how: dict[str, Any], pivot: Any) -> None:
     deformer = client.deformer
-    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), scale=(1.2, 0.9, 1), pivot=pivot, counterparts=mode)
+    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), scale=(1.2, 0.9, 1), pivot=pivot, **how)
     np.testing.assert_allclose(client.posed(), deformer.vertices, atol=5e-5)
-    assert (len(client.weights) > 1) == (mode == "own_pivot")
+    assert (len(client.weights) > 1) == (how == {"counterparts": "own_pivot"})
 
 
-@pytest.mark.parametrize("mode", ["own_pivot", "shared_pivot", "only"])
-def test_columns_rotate_as_the_kernel_blends_linearly(client: Client, mode: Any) -> None:
+@pytest.mark.parametrize("how", [{"counterparts": "own_pivot"}, {"counterparts": "shared_pivot"}, {"follow": "none"}])
+def test_columns_rotate_as_the_kernel_blends_linearly(client: Client, how: dict[str, Any]) -> None:
     deformer = client.deformer
-    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), rotation=(10, 0, 30), counterparts=mode)
+    deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), rotation=(10, 0, 30), **how)
     shown, edit = client.posed(), deformer.edit
     weights, columns = deformer.bound.columns(edit)
     transforms = np.array([column.matrix(edit) for column in columns])

@@ -142,7 +142,9 @@ def test_steps_have_the_names_of_scene_parts(tmp_path: Path) -> None:
         for step in steps:
             name = step.text.split(",")[0]
             if name in mesh.part_names:
-                held = [deformer.bound.parts.part(vertex, step.level, alike=alike).vertices for alike in (True, False)]
+                held = [
+                    deformer.bound.parts.part(vertex, step.level, follow=follow).vertices for follow in ("all", "none")
+                ]
                 assert mesh.part_vertices(name).tolist() in [each.tolist() for each in held]
                 named.add(name)
     assert named == {"spheres", "bar", "cone"}

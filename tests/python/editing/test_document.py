@@ -60,7 +60,8 @@ controls = st.builds(
     st.sampled_from(["linear", "smooth"]),
     st.floats(0, 1e3),
     strength=st.floats(0, 1),
-    counterparts=st.sampled_from(["own_pivot", "shared_pivot", "only"]),
+    follow=st.sampled_from(["all", "mirror", "none"]),
+    counterparts=st.sampled_from(["own_pivot", "shared_pivot"]),
     excluded_counterparts=st.lists(points.map(Place), max_size=3).map(tuple),
 )
 

@@ -92,14 +92,14 @@ def test_a_drag_back_to_its_start_gives_the_first_shape(animal):
         np.testing.assert_allclose(fresh(known, session.edit).vertices, session.vertices, atol=1e-12)
 
 
-@pytest.mark.parametrize("counterparts", ["own_pivot", "only"])
-def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal, counterparts):
+@pytest.mark.parametrize("follow", ["all", "none"])
+def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal, follow):
     sample, known, _ = animal
     session = fresh(known)
     hoof, leg = tip_of(sample, "hoof"), tip_of(sample, "leg")
-    outer = session.add(leg, level=1, rotation=(10, 50, 20), counterparts=counterparts)
+    outer = session.add(leg, level=1, rotation=(10, 50, 20), follow=follow)
     carried, pull = session.vertices[hoof], np.array((0.1, 0.05, -0.08))
-    inner = session.add(hoof, level=-1, translation=1e-9 * pull, counterparts=counterparts)
+    inner = session.add(hoof, level=-1, translation=1e-9 * pull, follow=follow)
     np.testing.assert_allclose(session.vertices[hoof], carried, atol=1e-7)
     for step in (1, 2, 3):
         session.move(inner, translation=step * pull)
@@ -129,7 +129,7 @@ def test_nearly_equal_motions_give_nearly_equal_shapes(animal, share, part, turn
 
 CONTROLS = (
     {"counterparts": "shared_pivot"},
-    {"counterparts": "only"},
+    {"follow": "none"},
     {"strength": 0.6},
     {"locality": 2.0},
     {"radius": 0.5},

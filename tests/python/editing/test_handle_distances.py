@@ -22,8 +22,8 @@ def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, me
 def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geodesics, bound, mesh):
     vertex = int(mesh.vertices[:, 0].argmax())
     mirrored = int(np.linalg.norm(mesh.vertices - mesh.vertices[vertex] * [-1, 1, 1], axis=1).argmin())
-    deformer.add(vertex, locality=3.0, reach=1.0, falloff="linear", counterparts="only")
-    deformer.add(5, reach=1.0, counterparts="only")
+    deformer.add(vertex, locality=3.0, reach=1.0, falloff="linear", follow="none")
+    deformer.add(5, reach=1.0, follow="none")
     _ = deformer.weights
     deformer.set_symmetry("x")
     both = geodesics.distances([vertex, mirrored]).min(axis=0)

@@ -111,7 +111,7 @@ def test_a_given_pivot_has_the_same_offset_from_each_counterpart_as_from_the_han
 
 
 def test_with_counterparts_only_just_the_leg_at_the_handle_moves(session, sample, mesh, asked, foot):
-    session.add(foot, translation=(0, -0.2, 0), counterparts="only", reach=0.7)
+    session.add(foot, translation=(0, -0.2, 0), follow="none", reach=0.7)
     own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
     np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
@@ -168,7 +168,7 @@ def test_equalize_gives_no_vertex_more_weight_than_the_handle(session, mesh, ask
 
 
 def test_a_handle_without_counterparts_says_that_none_moves(session, asked, foot):
-    handle = session.add(foot, translation=(0, -0.2, 0), counterparts="only")
+    handle = session.add(foot, translation=(0, -0.2, 0), follow="none")
     off = session.counterparts(handle)[1][0].vertex
     session.change(handle, excluded_counterparts=[off])
     assert [on for _, on in session.counterparts(handle)] == [True, False, False, False]

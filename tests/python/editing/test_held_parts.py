@@ -120,7 +120,7 @@ def test_pivots_by_name(one):
 
 def test_a_chosen_pivot_moves_to_the_new_place_of_the_handle(pair):
     session, count = pair
-    handle = session.add(count - 1, scale=1.3, counterparts="only")
+    handle = session.add(count - 1, scale=1.3, follow="none")
     assert session.handle(handle).pivot[0] < -1
     session.change(handle, at=2 * count - 1)
     assert session.handle(handle).transform.pivot_at == "base"
@@ -206,7 +206,7 @@ def test_a_bent_leg_carries_its_bent_shin(one, first):
     grips = {"leg": (25 * AROUND, f"y>{HEIGHT + 0.01}"), "shin": (52 * AROUND, "y>1.6")}
     for name in (first, *grips.keys() - {first}):
         at, mask = grips[name]
-        handle = one.add(at, mask=mask, reach=2.0, falloff="constant", counterparts="only")
+        handle = one.add(at, mask=mask, reach=2.0, falloff="constant", follow="none")
         one.bend(handle, {"leg": 50, "shin": 60}[name], towards="right")
     np.testing.assert_allclose(circumferences(one.vertices)[14:], circumferences(one.mesh.vertices)[14:], rtol=0.03)
     ends = rings(one.vertices)[[-4, -1]].mean(axis=1)

@@ -20,7 +20,7 @@ def test_a_part_is_a_region_that_holds_the_place(mesh, field):
     assert isinstance(part, VertexSet)
     assert 100 in part.indices
     assert np.array_equal(part.indices, dfd.parts(field, mesh).part(100).vertices)
-    assert len(session.part(100, alike=False).indices) <= len(part.indices)
+    assert len(session.part(100, follow="none").indices) <= len(part.indices)
     with pytest.raises(ValueError, match="Deformer.part: `level` must be"):
         session.part(100, level=0.5)
 
@@ -68,7 +68,7 @@ def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:
 
 def test_what_is_said_of_parts_is_held_and_limits(mesh, field):
     session = dfd.Deformer(mesh, field)
-    part, piece = session.part(100), session.part(100, alike=False)
+    part, piece = session.part(100), session.part(100, follow="none")
     whole = VertexSet.of(session.mesh, component_of(session.mesh, 100))
     for text, region in (("part@100", part), ("piece@100", piece), ("component@100", whole)):
         held = session.add(text)

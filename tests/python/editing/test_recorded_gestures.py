@@ -42,7 +42,7 @@ GESTURES = {
     "larger": [("tip", {**TURN, **PULL, "level": 1})],
     "middle of the part": [("middle", {**PULL, **TURN})],
     "about the middle": [("tip", {**TURN, "pivot": "middle"})],
-    "only this one": [("tip", {**PULL, "counterparts": "only"})],
+    "only this one": [("tip", {**PULL, "follow": "none"})],
     "one pivot": [("tip", {**TURN, "counterparts": "shared_pivot"})],
     "weights by features": [("tip", {**PULL, **TURN, "reach": 0.6})],
     "weights by features, one pivot": [

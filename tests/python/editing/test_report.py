@@ -117,7 +117,7 @@ def test_the_largest_stretch_is_that_of_moved_edges_that_are_not_tiny():
 
 @pytest.mark.parametrize(("scale", "mentioned"), [(1.04, False), (1.06, True), (1.5, True)])
 def test_edges_that_become_longer_by_five_percent_are_mentioned(deformer, scale, mentioned):
-    deformer.add("y>-1", scale=scale, reach=2.0, falloff="constant", counterparts="only")
+    deformer.add("y>-1", scale=scale, reach=2.0, falloff="constant", follow="none")
     report = deformer.report()
     assert report.stretch == pytest.approx(scale)
     assert (f"stretched edges up to {scale:.1f} times" in str(report)) == mentioned

@@ -32,8 +32,8 @@ def test_parts_of_generated_shapes_are_the_known_ones(number, floor):
     for _ in range(PLACES):
         known = shape.parts[random.integers(len(shape.parts))]
         vertex = int(random.choice(np.flatnonzero(known[0])))
-        mask = parts.part(vertex, alike=False).mask
-        assert np.array_equal(renumbered.part(int(np.flatnonzero(order == vertex)[0]), alike=False).mask, mask[order])
+        mask = parts.part(vertex, follow="none").mask
+        assert np.array_equal(renumbered.part(int(np.flatnonzero(order == vertex)[0]), follow="none").mask, mask[order])
         inside = mask[mesh.faces].sum(axis=1) >= 2
         wanted = [each[mesh.faces].sum(axis=1) >= 2 for each in known]
         found.append(max(areas[inside & each].sum() / areas[inside | each].sum() for each in wanted))

@@ -54,7 +54,7 @@ def test_the_part_at_a_vertex_includes_its_counterparts_unless_alike_is_false(ch
     assert found.components == 4
     assert found.mask[tip]
     assert found.vertex == tip
-    alone = chair_parts.part(tip, alike=False)
+    alone = chair_parts.part(tip, follow="none")
     assert overlap(alone.mask, np.isin(np.arange(len(legs)), one_leg)) > 0.85
     assert alone.components == 1
     assert alone.share == pytest.approx(found.share / 4, rel=0.1)
@@ -70,8 +70,8 @@ def test_a_point_stands_for_the_vertex_nearest_to_it(chair, chair_parts):
 def test_parts_of_higher_levels_contain_those_of_lower_levels(chair, chair_parts):
     levels = range(-3, 4)
     for vertex in range(0, len(chair.mesh.vertices), 211):
-        found = [chair_parts.part(vertex, level, alike=False) for level in levels]
-        assert chair_parts.part(vertex, 50, alike=False).share == found[-1].share, "there is no larger part"
+        found = [chair_parts.part(vertex, level, follow="none") for level in levels]
+        assert chair_parts.part(vertex, 50, follow="none").share == found[-1].share, "there is no larger part"
         for smaller, larger in pairwise(found):
             assert smaller.share == larger.share or larger.share >= 1.25 * smaller.share
         smaller, part, larger = (each.mask for each in found[2:5])
@@ -181,7 +181,7 @@ def test_a_region_does_not_extend_to_another_component_beside_it():
     count = len(chair.mesh.vertices)
     both = dfd.Mesh(vertices, np.concatenate([chair.mesh.faces, chair.mesh.faces + count]))
     rows = np.eye(2, dtype=np.float32)[(np.arange(2 * count) >= count).astype(int)]
-    held = Parts(both, lambda some: rows[some]).part(0, 9, alike=False).mask
+    held = Parts(both, lambda some: rows[some]).part(0, 9, follow="none").mask
     assert not held[count:].any()
     assert held[:count].any()
 
@@ -301,7 +301,7 @@ def test_things_of_the_file_are_the_part_or_one_level_away(tmp_path):
         for vertex in own[:: max(len(own) // 8, 1)].tolist():
             lowest, highest = parts.levels(vertex)
             near = range(max(lowest, -1), min(highest, 1) + 1)
-            found = [parts.part(vertex, level, alike=name == "eyes").vertices for level in near]
+            found = [parts.part(vertex, level, follow="all" if name == "eyes" else "none").vertices for level in near]
             assert any(np.array_equal(each, own) for each in found), (name, vertex)
 
 

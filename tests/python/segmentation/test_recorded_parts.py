@@ -87,7 +87,7 @@ def found_at(parts, vertex):
         "shares": [each.share for each in by_level],
         "vertices": [int(each.mask.sum()) for each in by_level],
         "components": [each.components for each in by_level],
-        "alone": parts.part(vertex, alike=False).share,
+        "alone": parts.part(vertex, follow="none").share,
         "others": sorted(others),
         "cues": candidates.cues[chosen].tolist(),
         "likely": float(probabilities(candidates)[chosen]),

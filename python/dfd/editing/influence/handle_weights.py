@@ -213,7 +213,7 @@ class HandleWeights:
         shares = [None] if held is None or one_only else held.everywhere
         portions = [_portion(share, weights) for share in shares]
         on = self.counterparts(edit, handle)
-        if handle.controls.counterparts != "only" and edit.rules.equalize:
+        if handle.controls.follow != "none" and edit.rules.equalize:
             factors = self._equalizing(edit, handle, weights, [one for one, _ in on])
             portions = _equalized(weights, portions, factors)
         found = [(one, portion) for (one, moves), portion in zip(on, portions, strict=True) if moves]
@@ -229,7 +229,7 @@ class HandleWeights:
         held = self.held(edit, handle)
         assert held is not None
         factors = [1.0] * len(held.components)
-        if weights is not None and edit.rules.equalize and handle.controls.counterparts != "only":
+        if weights is not None and edit.rules.equalize and handle.controls.follow != "none":
             factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
         on = [moves for _, moves in self.counterparts(edit, handle)]
         pieces = [
@@ -245,12 +245,14 @@ class HandleWeights:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
 
         Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
-        The first counterpart always moves. If the control `counterparts` is "only", no other moves.
+        The first counterpart always moves. The control `follow` says which others move.
         """
         held = self.held(edit, handle)
         if held is None:
             return [(self._own(handle), True)]
-        on = [True] + [handle.controls.counterparts != "only"] * (len(held.components) - 1)
+        follow = handle.controls.follow
+        others = (one.counterpart.image is not None if follow == "mirror" else True for one in held.components[1:])
+        on = [True, *(follow != "none" and moves for moves in others)]
         for place in handle.controls.excluded_counterparts:
             most = held.at(self.rows.anchor(place))
             on[most] = most == 0

@@ -9,7 +9,7 @@ export function follow(): void {
   store.watch(
     (state) => {
       const handle = selectedHandle(state);
-      if (!handle || state.dragging || handle.counterparts === "only") return null;
+      if (!handle || state.dragging || handle.follow === "none") return null;
       const { position, excluded_counterparts, counterparts } = handle;
       const normal = state.edit?.symmetry?.normal;
       return [handle.handle, JSON.stringify([position, excluded_counterparts, counterparts, normal])] as const;

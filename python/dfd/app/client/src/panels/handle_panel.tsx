@@ -41,7 +41,6 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   };
   const pivots = state.axis?.handle === id ? state.axis.pivots : (["point"] as const);
   const pivot = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
-  const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   return (
     <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
@@ -49,8 +48,8 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <Toggle
         label="Move counterparts too"
         hint="Click the mark of a counterpart in the view to switch it off or on."
-        value={handle.counterparts !== "only"}
-        onChange={(on) => change(id, { counterparts: on ? all : "only" })}
+        value={handle.follow !== "none"}
+        onChange={(on) => change(id, { follow: on ? "all" : "none" })}
       />
       <Toggle
         label={

@@ -190,7 +190,7 @@ export function selectedHandle(state: State): HandleState | null {
 /** Return the counterparts of the selected handle, without the place of the handle itself. */
 export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);
-  const known = handle && state.similar?.handle === handle.handle && handle.counterparts !== "only";
+  const known = handle && state.similar?.handle === handle.handle && handle.follow !== "none";
   return known ? state.similar.places.slice(1) : [];
 }
 
