@@ -37,7 +37,7 @@ from dfd.segmentation.choose import candidates
 from dfd.segmentation.regions import all_regions, measured
 from dfd.segmentation.trees import Trees
 
-SHAPES = 77  # number of generated shapes
+SHAPES = 77  # number of generated shapes: seven of each family
 DRAWS = 24  # number of places on each shape
 SAME, OTHER = 0.6, 0.35  # least IoU of a region that is a part of the kind, and largest IoU of one that is none
 PENALTY = 1e-5  # factor of the squared norm of the weights

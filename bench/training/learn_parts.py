@@ -27,7 +27,7 @@ from dfd.segmentation.choose import CUES, candidates
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import Trees
 
-SHAPES = 100  # number of generated shapes
+SHAPES = 77  # number of generated shapes: seven of each family
 DRAWS = 24  # number of places on each lesson's shape
 SHARPNESS = 40.0  # factor of the IoU in the softmax that the probabilities should match
 LEAST_IOU = 0.5  # a place is a lesson only if a candidate has at least this IoU with the part

@@ -36,6 +36,7 @@ class HandleReport:
     share: float | None = None  # area that the handle's part moves, as a fraction of the surface; None without a part
     level: int | None = None  # level of the part; None without a part
     levels: tuple[int, int] = (0, 0)  # the lowest and the highest level of the parts at the handle
+    left_out: tuple[int, ...] = ()  # a vertex of each part that looks similar, but is not likely enough to follow
     note: str | None = None  # what differs from what was asked, such as a level that does not exist
 
     def __str__(self) -> str:
@@ -52,7 +53,16 @@ class HandleReport:
         if self.share is not None:
             low, high = self.levels
             words += f", with a part of {_percent(self.share)} of the surface at level {self.level} of {low} to {high}"
-        return words if self.note is None else f"{words}, {self.note}"
+        if self.note is not None:
+            words += f", {self.note}"
+        if self.left_out:
+            look, them = ("1 more part looks", "it") if len(self.left_out) == 1 else (
+                f"{len(self.left_out)} more parts look",
+                "them",
+            )
+            at = " and ".join(map(str, self.left_out[:3]))
+            words += f" ({look} similar: to include {them}, add a handle with the same motion at vertex {at})"
+        return words
 
 
 @dataclass(frozen=True)
@@ -150,7 +160,9 @@ def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
     on = [moves for _, moves in weights.counterparts(edit, handle)]
     share = sum(held.area(number) for number, moves in enumerate(on) if moves)
     note = " and ".join(notes) or None
-    return {"share": share, "level": held.level, "levels": (lowest, highest), "note": note}
+    vertex, parts = weights.rows.anchor(handle.place), weights.parts_with(edit.symmetry)
+    left_out = tuple(parts.left_out(vertex, held.level)) if handle.controls.follow == "all" else ()
+    return {"share": share, "level": held.level, "levels": (lowest, highest), "left_out": left_out, "note": note}
 
 
 def largest_stretch(rest: Float64, posed: Float64, faces: Int32) -> float:

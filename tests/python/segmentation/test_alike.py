@@ -1,4 +1,4 @@
-"""Test which regions look like a part, on a row of patches with made features and measures."""
+"""Test which regions look like a part: on a row of patches with made probabilities, and on shapes with known regions."""
 
 from types import SimpleNamespace
 from unittest import mock
@@ -9,43 +9,13 @@ import trimesh
 
 import dfd
 from dfd.segmentation import alike as module
-from dfd.segmentation.alike import SIMILAR, _measures, alike
+from dfd.segmentation.alike import CUES, LIKELY, POSSIBLE, Alike, comparable, pair_cues
 from dfd.segmentation.parts import Parts
+from dfd.samples.implicit import Primitive, Shape, capsule, rounded_box
+from dfd.samples.polygonize import polygonize
+from dfd.segmentation.regions import all_regions, measured
 
 COUNT = 100  # number of patches, all of one area; patches with neighboring numbers touch
-
-
-class Row:
-    """Trees of regions of a row of patches. The strength of every boundary is `strength`."""
-
-    def __init__(self, regions, *, strength=1.0, orbit=None, values=None):
-        self.inside = np.zeros((len(regions), COUNT), bool)
-        for row, runs in zip(self.inside, regions, strict=True):
-            for start, end in runs:
-                row[start:end] = True
-        area = np.full(COUNT, 1 / COUNT)
-        self.values = np.zeros((COUNT, 2)) if values is None else values
-        self.patches = SimpleNamespace(area=area, orbit=np.arange(COUNT) if orbit is None else orbit)
-        self.areas = self.inside @ area
-        self.means = np.array([self.mean(row) for row in self.inside])
-        self.boundary = lambda region: strength
-
-    def labels(self, inside):
-        return np.cumsum(np.append(0, inside[1:] != inside[:-1]))
-
-    def components(self, inside):
-        label = self.labels(inside)
-        return [label == number for number in np.unique(label[inside])]
-
-    def mean(self, region):
-        return self.values[region].mean(axis=0)
-
-    def around(self, region):
-        wide = region | np.append(region[1:], False) | np.append(False, region[:-1])
-        return wide & ~region
-
-    def contrast(self, region):
-        return float(np.linalg.norm(self.mean(region) - self.mean(self.around(region))))
 
 
 def run(start, end):
@@ -54,93 +24,144 @@ def run(start, end):
     return region
 
 
-def found(trees, region, node=0):
-    """Return the first patch of each component, by measures that are the logarithm of the size alone."""
-    with mock.patch.object(module, "_measures", lambda _, each: np.log(np.array([each.sum(), 1.0]))):
-        return [int(each.argmax()) for each in alike(trees, node, region)]
+class Row(Alike):
+    """The regions of a row of patches, with made probabilities."""
+
+    def __init__(self, likely, orbit=None):
+        area = np.full(COUNT, 1 / COUNT)
+        patches = SimpleNamespace(area=area, orbit=np.arange(COUNT) if orbit is None else orbit)
+        super().__init__(SimpleNamespace(patches=patches, components=self._components))
+        self.likely = [(run(*ends), probability) for ends, probability in likely]
+        self.regions = SimpleNamespace(inside=np.array([region for region, _ in self.likely]).reshape(-1, COUNT))
+
+    def _components(self, inside):
+        label = np.cumsum(np.append(0, inside[1:] != inside[:-1]))
+        return [label == number for number in np.unique(label[inside])]
+
+    def _likely(self, region):
+        found = [(-p, i) for i, (each, p) in enumerate(self.likely) if not (each & region).any()]
+        return np.array([i for _, i in sorted(found)], int), np.array([-p for p, _ in sorted(found)])
 
 
-def test_measures_are_the_logarithms_of_area_border_and_extents():
+def starts(followers):
+    return [int(each.region.argmax()) for each in followers]
+
+
+def test_likely_regions_follow_the_most_likely_first():
+    row = Row([((20, 30), 0.9), ((40, 50), LIKELY), ((60, 70), LIKELY - 0.01), ((80, 90), 0.99)])
+    found = row.followers(run(0, 10))
+    assert starts(found) == [80, 20, 40]
+    assert [each.probability for each in found] == [0.99, 0.9, LIKELY]
+    assert starts(row.followers(run(0, 10), least=POSSIBLE)) == [80, 20, 40, 60]
+    assert row.followers(run(0, 10), "none") == []
+
+
+def test_no_two_followers_overlap_and_a_part_has_at_most_64_components():
+    row = Row([((20, 30), 0.9), ((25, 35), 0.99), ((34, 40), 0.95), ((40, 50), 0.9)])
+    assert starts(row.followers(run(0, 10))) == [25, 40]
+    assert starts(row.followers(run(0, 26))) == [34, 40]
+    with mock.patch.object(module, "MOST", 2):
+        assert starts(row.followers(run(0, 10))) == [25]
+
+
+def test_followers_lie_inside_the_given_patches():
+    row = Row([((20, 30), 0.9), ((40, 50), 0.9)])
+    assert starts(row.followers(run(0, 10), within=run(0, 45))) == [20]
+
+
+@pytest.mark.parametrize(("size", "follows"), [(10, True), (12, True), (13, False), (8, True), (7, False)])
+def test_mirror_images_follow_if_they_have_nearly_the_area_of_the_part(size, follows):
+    orbit = np.arange(COUNT)
+    orbit[60 : 60 + size] = 3
+    row = Row([((20, 30), 0.99)], orbit)
+    assert starts(row.followers(run(0, 10), "mirror")) == ([60] if follows else [])
+
+
+def test_a_component_grows_to_the_region_around_it_that_looks_most_like_the_part():
+    row = Row([((18, 40), 0.9), ((19, 41), 0.95), ((15, 60), 0.99), ((22, 50), 1.0)])
+    component, part = run(20, 30), run(0, 10)
+    np.testing.assert_array_equal(row.grown(component, part, part | run(55, 60)), run(19, 41))
+    np.testing.assert_array_equal(row.grown(component, part, part), run(15, 60))
+    unlikely = Row([((18, 40), LIKELY - 0.01)])
+    np.testing.assert_array_equal(unlikely.grown(component, part, part), component)
+
+
+def comb(short):
+    """Return a bar with four equal teeth and a last one of the length `short`, and its parts."""
+    rods = [
+        Primitive("tooth", capsule((0, 0.7, z), (0, 0.7 + (0.5 if z < 0.7 else short), z), 0.06), blend=0.01)
+        for z in np.linspace(-0.8, 0.8, 5).tolist()
+    ]
+    bar = Primitive("bar", rounded_box((0, 0.6, 0), (0.12, 0.12, 1.0), 0.05))
+    vertices, faces = polygonize(Shape([bar, *rods]), (-0.4, 0.3, -1.2), (0.4, 1.5, 1.2), 6000)
+    rows = np.ones((len(vertices), 2), np.float32)
+    rows[:, 0] = np.clip((vertices[:, 1] - 0.7) / 0.05, -1, 1)
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    return vertices, Parts(dfd.Mesh(vertices, faces), lambda some: rows[some])
+
+
+@pytest.fixture(scope="module")
+def measures():
     made = trimesh.creation.icosphere(4).apply_scale((3, 2, 1))
-    parts = Parts(dfd.Mesh(made.vertices, made.faces), lambda some: np.ones((len(some), 4), np.float32))
-    trees, patches = parts._trees, parts._patches
+    parts = Parts(dfd.Mesh(made.vertices, made.faces), lambda some: made.vertices[some].astype(np.float32))
+    return parts._trees
+
+
+def test_measures_of_regions_are_those_of_their_definition(measures):
+    trees, patches = measures, measures.patches
     region = patches.center[:, 0] > 0.2
+    found = measured(trees, np.array([region, np.ones(len(region), bool)]))
     area, points = patches.area[region], patches.center[region]
     extents = np.sqrt(np.linalg.eigvalsh(np.cov(points.T, aweights=area, ddof=0)))
     at_border = np.not_equal(*region[patches.borders.pairs.T])
-    length = patches.borders.length[at_border]
-    clear = 0.1 + np.average(trees.strength[at_border], weights=length)
-    wanted = [area.sum(), length.sum(), clear, *(extents + patches.spacing)]
-    np.testing.assert_allclose(np.exp(_measures(trees, region)), wanted, rtol=1e-5)
-    whole = np.ones(len(region), bool)
-    assert np.exp(_measures(trees, whole))[1:3] == pytest.approx((1e-9, 1.1))
+    length, ends = patches.borders.length[at_border], patches.borders.pairs[at_border]
+    rim = np.average(patches.center[ends].mean(axis=1), axis=0, weights=length)
+    around = trees.around(region)
+    mean, outer = (np.average(trees.traits[each], axis=0, weights=patches.area[each]) for each in (region, around))
+    assert found.area[0] == pytest.approx(area.sum())
+    assert found.border[0] == pytest.approx(length.sum(), rel=1e-5)
+    np.testing.assert_allclose(found.extents[0], extents, rtol=1e-6)
+    assert found.reach[0] == pytest.approx(np.linalg.norm(np.average(points, axis=0, weights=area) - rim), rel=1e-5)
+    np.testing.assert_allclose(found.mean[0], mean, atol=1e-9)
+    assert found.contrast[0] == pytest.approx(np.linalg.norm(mean - outer))
+    assert (found.reach[1], found.contrast[1]) == (0, 1), "the whole shape has no surroundings"
+    assert np.sqrt(patches.area @ np.square(trees.traits).sum(axis=1)) == pytest.approx(1)
 
 
-@pytest.mark.parametrize(("mirrored", "follows"), [(9, True), (11, True), (7, False)])
-def test_mirror_images_of_the_larger_half_of_a_component_are_alike(mirrored, follows):
-    """The other component of the node is twice as long, so only its mirror images make it alike."""
-    orbit = np.arange(COUNT)
-    orbit[50 : 50 + mirrored] = 3
-    trees = Row([[(0, 8), (50, 66)]], strength=0.0, orbit=orbit)
-    assert found(trees, run(0, 8)) == ([0, 50] if follows else [0])
+def test_cues_of_a_pair_are_those_of_their_definition(measures):
+    trees, patches = measures, measures.patches
+    one, other = patches.center[:, 0] > 0.3, patches.center[:, 0] < -0.35
+    beside = trees.around(one)
+    own, others = measured(trees, one[None]), measured(trees, np.array([other, beside]))
+    found = dict(zip(CUES, pair_cues(trees, own, others).T, strict=True))
+    assert found["area"][0] == pytest.approx(abs(np.log(patches.area @ one / (patches.area @ other))), rel=1e-6)
+    apart = np.linalg.norm(own.mean - others.mean, axis=1)
+    np.testing.assert_allclose(found["features"], apart / ((own.contrast + others.contrast) / 2 + 0.1))
+    assert found["touching"].tolist() == [0, 1]
+    assert found["size"] == pytest.approx(np.log(own.area[0] + 0.1))
+    assert found["clear"] == pytest.approx(np.log(own.contrast[0] + 0.1))
+    for name in ("border", "thickness", "width", "length", "reach", "contrast"):
+        assert pair_cues(trees, own, own)[0, CUES.index(name)] == 0
 
 
-@pytest.mark.parametrize(("size", "follows"), [(10, True), (15, True), (19, True), (6, True), (21, False), (4, False)])
-def test_components_of_one_region_are_alike_if_their_measures_are(size, follows):
-    trees = Row([[(0, 10), (50, 50 + size)]], strength=0.0)
-    assert found(trees, run(0, 10)) == ([0, 50] if follows else [0])
-    assert SIMILAR == 2
+def test_regions_are_compared_if_areas_and_features_are_near_and_they_do_not_overlap(measures):
+    trees = measures
+    regions = all_regions(trees)
+    assert len(np.unique(np.packbits(regions.inside, axis=1), axis=0)) == len(regions.area)
+    own = regions[np.array([len(regions.area) // 2])]
+    rows = comparable(own, regions)
+    near = np.abs(np.log(regions.area / own.area)) < np.log(4)
+    near &= np.linalg.norm(regions.mean - own.mean, axis=1) < 2**0.5
+    near &= ~(regions.inside & own.inside).any(axis=1)
+    np.testing.assert_array_equal(rows, np.flatnonzero(near))
 
 
-def test_regions_elsewhere_are_alike_the_most_similar_first():
-    """The features of the regions from 50 on differ from those of the part by so many units."""
-    values = np.zeros((COUNT, 2))
-    values[10:12, 1] = 0.2  # around the part, so that the contrast is 0.2
-    runs = [(30, 40), (50, 60), (70, 84), (88, 94)]
-    for (start, end), apart in zip(runs, (0.9, 0.2, 0.0, 0.99), strict=True):
-        values[start:end, 0] = apart * 1.5 * 0.2
-    values += (7, -5)
-    trees = Row([[(0, 10)], *([each] for each in runs)], values=values)
-    assert found(trees, run(0, 10)) == [0, 50, 70, 30]
-    values[50:60, 0] = 7 + 1.01 * 1.5 * 0.2
-    assert found(Row([[(0, 10)], *([each] for each in runs)], values=values), run(0, 10)) == [0, 70, 30]
-    # A part without a clear boundary has no such counterparts.
-    assert found(Row([[(0, 10)], *([each] for each in runs)], values=values, strength=0.09), run(0, 10)) == [0]
-
-
-@pytest.mark.parametrize(("apart", "follows"), [(1.38, True), (1.45, False)])
-def test_features_that_differ_as_those_of_random_points_are_never_alike(apart, follows):
-    values = np.zeros((COUNT, 2))
-    values[10, 1], values[50:60, 0] = 9.0, apart
-    assert found(Row([[(0, 10)], [(50, 60)]], values=values), run(0, 10)) == ([0, 50] if follows else [0])
-
-
-def test_regions_that_touch_the_part_or_are_half_as_large_are_not_alike():
-    values = np.zeros((COUNT, 2))
-    values[10, 1] = 1.0
-    for runs, follows in (([(10, 20)], []), ([(11, 21)], [11]), ([(5, 12)], []), ([(60, 66)], [60]), ([(60, 64)], [])):
-        assert found(Row([[(0, 10)], runs], values=values), run(0, 10)) == [0, *follows]
-    # A node that is large enough in total has two components. The larger one is alike.
-    assert found(Row([[(0, 10)], [(40, 43), (60, 69)]], values=values), run(0, 10)) == [0, 60]
-
-
-def test_no_two_components_overlap_and_there_are_at_most_64():
-    values = np.zeros((COUNT, 2))
-    values[10, 1], values[62:72, 0] = 1.0, 0.1
-    assert found(Row([[(0, 10)], [(60, 70)], [(62, 72)], [(75, 85)]], values=values), run(0, 10)) == [0, 75, 60]
-    with mock.patch.object(module, "MOST", 2):
-        assert found(Row([[(0, 10)], [(60, 70)], [(75, 85)]], values=values), run(0, 10)) == [0, 75]
-    with mock.patch.object(module, "MOST", 3):
-        assert len(found(Row([[(0, 10)], [(60, 70)], [(75, 85)]], values=values), run(0, 10))) == 3
-
-
-def test_counterparts_of_a_closed_part_are_closed():
-    """The part is a run at the end of the row with all beyond it; its counterpart ends the row on the other side."""
-    trees = Row([[(5, 15), (85, 95)]], strength=0.0)
-    region = run(0, 15)
-    with mock.patch.object(module, "_measures", lambda _, each: np.log(np.array([each.sum(), 1.0]))):
-        both = alike(trees, 0, region)
-    np.testing.assert_array_equal(both, [region, run(85, 100)])
-    alone = run(5, 15)
-    with mock.patch.object(module, "_measures", lambda _, each: np.log(np.array([each.sum(), 1.0]))):
-        np.testing.assert_array_equal(alike(trees, 0, alone), [alone, run(85, 95)])
+def test_equal_teeth_of_a_comb_follow_each_other_and_a_short_one_does_not():
+    vertices, parts = comb(short=0.15)
+    places = np.column_stack([np.zeros(5), [1.2, 1.2, 1.2, 1.2, 0.9], np.linspace(-0.8, 0.8, 5)])
+    *tips, short = [int(np.linalg.norm(vertices - place, axis=1).argmin()) for place in places]
+    for tip in tips:
+        mask = parts.part(tip).mask
+        assert mask[tips].all(), tip
+        assert not mask[short], tip
+        assert parts.part(tip, follow="none").mask[tips].sum() == 1

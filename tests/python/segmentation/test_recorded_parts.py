@@ -19,7 +19,7 @@ from bench.training.made_shapes import made_shape
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
-from dfd.segmentation.alike import _apart, _measures, alike
+from dfd.segmentation.alike import POSSIBLE
 from dfd.segmentation.choose import probabilities
 from dfd.segmentation.parts import Parts
 
@@ -67,7 +67,7 @@ SHAPES = {
     "quadruped": lambda: of_sample("quadruped"),
     "robot": lambda: of_sample("robot"),
     "large robot": large_robot,
-    "insect": lambda: waves(made_shape(203).mesh),
+    "insect": lambda: waves(made_shape(200).mesh),
     "mugs": mugs,
 }
 
@@ -75,10 +75,9 @@ SHAPES = {
 def found_at(parts, vertex):
     """Return numbers about the parts at a vertex, and about the likely part there."""
     candidates, rungs, middle = parts._ladder(int(parts._patches.of_vertex[vertex]))
-    chosen, trees = rungs[middle], parts._trees
-    region, node = candidates.regions[chosen], int(candidates.nodes[chosen])
+    chosen = rungs[middle]
     by_level = [parts.part(vertex, level) for level in LEVELS]
-    others = [float(_apart(_measures(trees, region), _measures(trees, each))) for each in alike(trees, node, region)]
+    followers = parts._alike.followers(candidates.regions[chosen], least=POSSIBLE)
     return {
         "levels": parts.levels(vertex),
         "candidates": len(candidates.regions),
@@ -88,7 +87,8 @@ def found_at(parts, vertex):
         "vertices": [int(each.mask.sum()) for each in by_level],
         "components": [each.components for each in by_level],
         "alone": parts.part(vertex, follow="none").share,
-        "others": sorted(others),
+        "followers": sorted(each.probability for each in followers),
+        "mirrored": parts.part(vertex, follow="mirror").share,
         "cues": candidates.cues[chosen].tolist(),
         "likely": float(probabilities(candidates)[chosen]),
     }
