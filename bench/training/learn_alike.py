@@ -32,9 +32,9 @@ from bench.training.learn_parts import trees_of
 from bench.training.made_shapes import MadeShape, made_shape
 from dfd.common.linear_algebra import Bool, Float64
 from dfd.geometry.topology import face_areas
-from dfd.segmentation.alike import COMPARED, CUES, pair_cues
+from dfd.segmentation.alike import CUES, compared
 from dfd.segmentation.choose import candidates
-from dfd.segmentation.regions import all_regions, measured
+from dfd.segmentation.regions import all_regions
 from dfd.segmentation.trees import Trees
 
 SHAPES = 77  # number of generated shapes: seven of each family
@@ -93,7 +93,7 @@ def examples(lesson: Lesson, trees: Trees, seed: int) -> Examples:
     kinds, groups = np.array(lesson.kinds), np.array(lesson.groups)
     parts = np.array([np.bincount(of_face[mask], areas[mask], len(own)) for mask in lesson.masks])
     cues, alike = [np.zeros((0, len(CUES)))], [np.zeros(0, bool)]
-    overlaps = _ious(regions.inside, parts, own) if len(parts) else np.zeros((0, len(regions.area)))
+    overlaps = _ious(regions, parts, own) if len(parts) else np.zeros((0, len(regions)))
     for _ in range(DRAWS if len(parts) else 0):
         part = int(generator.integers(len(parts)))
         if not parts[part].sum() > 0:
@@ -103,14 +103,12 @@ def examples(lesson: Lesson, trees: Trees, seed: int) -> Examples:
         fits = _ious(found, parts[part][None], own)[0]
         if fits.max() < SAME:
             continue
-        one = measured(trees, found[fits.argmax()][None])
-        near = (regions.area < COMPARED * one.area) & (regions.area > one.area / COMPARED)
-        rows = np.flatnonzero(near & ~regions.inside[:, one.inside[0]].any(axis=1))
+        rows, each, _ = compared(trees, found[fits.argmax()], regions)
         here = np.arange(len(parts)) == part
         best = overlaps[(kinds == kinds[part]) & ~here][:, rows].max(axis=0, initial=0.0)
         unsure = overlaps[(groups == groups[part]) & (kinds != kinds[part])][:, rows].max(axis=0, initial=0.0) > OTHER
         known = (best > SAME) | ((best < OTHER) & ~unsure)
-        cues.append(pair_cues(trees, one, regions[rows[known]]))
+        cues.append(each[known])
         alike.append(best[known] > SAME)
     return Examples(np.concatenate(cues), np.concatenate(alike), lesson.family)
 

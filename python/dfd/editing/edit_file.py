@@ -29,6 +29,7 @@
           "radius": null,
           "strength": 1.0,
           "level": 0,
+          "follow": "all",
           "counterparts": "shared_pivot",
           "excluded_counterparts": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
           "mask": null,

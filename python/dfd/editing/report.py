@@ -56,9 +56,10 @@ class HandleReport:
         if self.note is not None:
             words += f", {self.note}"
         if self.left_out:
-            look, them = ("1 more part looks", "it") if len(self.left_out) == 1 else (
-                f"{len(self.left_out)} more parts look",
-                "them",
+            look, them = (
+                ("1 more part looks", "it")
+                if len(self.left_out) == 1
+                else (f"{len(self.left_out)} more parts look", "them")
             )
             at = " and ".join(map(str, self.left_out[:3]))
             words += f" ({look} similar: to include {them}, add a handle with the same motion at vertex {at})"
@@ -160,8 +161,8 @@ def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
     on = [moves for _, moves in weights.counterparts(edit, handle)]
     share = sum(held.area(number) for number, moves in enumerate(on) if moves)
     note = " and ".join(notes) or None
-    vertex, parts = weights.rows.anchor(handle.place), weights.parts_with(edit.symmetry)
-    left_out = tuple(parts.left_out(vertex, held.level)) if handle.controls.follow == "all" else ()
+    all_parts, vertex = weights.parts_with(edit.symmetry), weights.rows.anchor(handle.place)
+    left_out = tuple(all_parts.left_out(vertex, held.level)) if handle.controls.follow == "all" else ()
     return {"share": share, "level": held.level, "levels": (lowest, highest), "left_out": left_out, "note": note}
 
 

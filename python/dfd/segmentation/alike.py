@@ -8,6 +8,7 @@ if this probability is at least `LIKELY`, and if no more likely region overlaps 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import NamedTuple
@@ -50,32 +51,35 @@ class Alike:
         self._last: tuple[Bool, Int64, Float64] | None = None
 
     @cached_property
-    def regions(self) -> Regions:
-        """Return all regions that can follow a part."""
+    def regions(self) -> Bool:
+        """Return all regions (R, P) that can follow a part."""
         return all_regions(self.trees)
 
     def followers(
         self, region: Bool, follow: Follow = "all", within: Bool | None = None, least: float = LIKELY
     ) -> list[Likeness]:
-        """Return the regions that look like `region` (P,), the most likely first, or only its mirror images.
+        """Return the mirror images of `region` (P,), and with "all" also other regions like it, the most likely first.
 
-        No two of them overlap. They lie inside `within` (P,) if it is given. `least` is their least probability.
+        The mirror images of each of these follow too, so that the set is symmetric. No two regions overlap. They lie
+        inside `within` (P,) if it is given. `least` is the least probability of regions that are no mirror images.
         """
         taken = region.copy() if within is None else region | ~within
         found: list[Likeness] = []
-        for image in self._images(region) if follow == "mirror" else ():
-            if not (image & taken).any():
-                found.append(Likeness(image, 1.0))
-                taken |= image
+
+        def take(regions: Iterable[Bool], probability: float) -> None:
+            for each in regions:
+                if len(found) < MOST - 1 and not (each & taken).any():
+                    found.append(Likeness(each, probability))
+                    taken[:] |= each
+
+        if follow != "none":
+            take(self._images(region), 1.0)
         if follow == "all":
             rows, likely = self._likely(region)
-            for row, probability in zip(rows, likely, strict=True):
-                other = self.regions.inside[row]
-                if probability < least or len(found) >= MOST - 1:
-                    break
+            for row, probability in zip(rows[likely >= least], likely.tolist(), strict=False):
+                other = self.regions[row]
                 if not (other & taken).any():
-                    found.append(Likeness(other, float(probability)))
-                    taken |= other
+                    take((other, *self._images(other)), probability)
         return found
 
     def grown(self, component: Bool, like: Bool, taken: Bool) -> Bool:
@@ -85,7 +89,7 @@ class Alike:
         """
         rows, likely = self._likely(like)
         for row in rows[likely >= LIKELY]:
-            other = self.regions.inside[row]
+            other = self.regions[row]
             if other[component].all() and not (other & taken).any():
                 return np.asarray(other)
         return component
@@ -100,21 +104,27 @@ class Alike:
     def _likely(self, region: Bool) -> tuple[Int64, Float64]:
         """Return the regions (N,) that do not overlap `region` (P,), the most likely first, and their probabilities."""
         if self._last is None or not np.array_equal(self._last[0], region):
-            own, regions = measured(self.trees, region[None]), self.regions
-            rows = comparable(own, regions)
+            rows, cues, near = compared(self.trees, region, self.regions)
             constant, weights = _weights()
-            scores = constant + pair_cues(self.trees, own, regions[rows]) @ weights
-            likely = np.round(1 / (1 + np.exp(-scores)), 9)
-            order = np.argsort(-likely, kind="stable")
+            likely = np.where(near, np.round(1 / (1 + np.exp(-constant - cues @ weights)), 9), 0.0)
+            # Of equally likely regions, such as mirror images, the nearest comes first: this choice is symmetric, too.
+            area, center = self.trees.patches.area, self.trees.patches.center
+            middles = [(each * area) @ center / (each @ area)[..., None] for each in (region, self.regions[rows])]
+            order = np.lexsort((np.round(np.linalg.norm(middles[1] - middles[0], axis=1), 9), -likely))
             self._last = region, rows[order], likely[order]
         return self._last[1:]
 
 
-def comparable(own: Regions, others: Regions) -> Int64:
-    """Return those of R `others`, (N,), that can be alike `own` (1): they do not overlap it, and differ little."""
-    near = (others.area < COMPARED * own.area) & (others.area > own.area / COMPARED)
-    near &= np.linalg.norm(others.mean - own.mean, axis=1) < RANDOM
-    return np.flatnonzero(near & ~others.inside[:, own.inside[0]].any(axis=1))
+def compared(trees: Trees, region: Bool, regions: Bool) -> tuple[Int64, Float64, Bool]:
+    """Compare a region (P,) with all of R `regions` (R, P) that do not overlap it and have a similar area.
+
+    Return their indices (N,), the cues (N, C) of each pair, and whether the mean features (N,) are near enough.
+    """
+    area = trees.patches.area
+    ratio = regions @ area / (area @ region)
+    rows = np.flatnonzero((ratio < COMPARED) & (ratio > 1 / COMPARED) & ~regions[:, region].any(axis=1))
+    own, others = measured(trees, region[None]), measured(trees, regions[rows])
+    return rows, pair_cues(trees, own, others), np.linalg.norm(others.mean - own.mean, axis=1) < RANDOM
 
 
 def pair_cues(trees: Trees, own: Regions, others: Regions) -> Float64:

@@ -43,7 +43,7 @@ class Made:
 def judged(folder, whole, alone):
     """Return the numbers for made parts."""
     (shape,) = alike.alike_shapes(folder)
-    with mock.patch.object(alike, "Parts", lambda *_: Made(whole(shape), alone(shape))):
+    with mock.patch.object(alike, "Parts", return_value=Made(whole(shape), alone(shape))):
         return alike.judged(shape, field_of(shape.mesh))
 
 

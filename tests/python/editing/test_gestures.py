@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from made_field import field_of
 
 import dfd
+from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.influence.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
 from dfd.editing.influence.hold import BEYOND, INSIDE, hold
 from dfd.editing.report import largest_stretch
@@ -214,6 +215,17 @@ def test_twelve_moving_handles_reuse_what_they_hold(animal):
     assert all(session.bound._holdings[key] is each for key, each in held.items())
 
 
+@pytest.mark.parametrize(("follow", "legs"), [("all", 4), ("mirror", 2), ("none", 1)])
+def test_follow_says_how_many_legs_move(follow, legs):
+    sample = dfd.samples.quadruped()
+    session = dfd.Deformer(sample.mesh, dfd.Field.load(SAMPLE_FIELDS / "quadruped.field.safetensors"))
+    session.add(tip_of(sample, "hoof"), translation=(0, -0.2, 0), follow=follow)
+    moved = np.linalg.norm(session.vertices - sample.mesh.vertices, axis=1) > 0.19
+    hoofs = [moved[sample.vertices_of("hoof", number)] for number in range(4)]
+    assert [bool(each.any()) for each in hoofs].count(True) == legs
+    assert [bool(each.all()) for each in hoofs].count(True) == legs
+
+
 @pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-5, 1e-3])
 def test_a_seam_stays_closed(animal, gap):
     """Cut the shape along a plane through the head, and move one half a little, as quantization does."""
@@ -234,7 +246,7 @@ def test_a_seam_stays_closed(animal, gap):
         pull = 0.2 * mesh.diagonal
         handle = session.add(int(number[:, tip].max()), translation=(pull, 0, 0))
         open_by = np.linalg.norm(session.vertices[number[0, both]] - session.vertices[number[1, both]], axis=1)
-        assert open_by.max() <= gap * mesh.diagonal + 0.01 * pull + 1e-9
+        assert open_by.max() <= gap * mesh.diagonal + 0.02 * pull + 1e-9
         session.remove(handle)
 
 

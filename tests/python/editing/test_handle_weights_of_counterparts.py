@@ -172,7 +172,7 @@ def test_a_handle_without_counterparts_says_that_none_moves(session, asked, foot
     off = session.counterparts(handle)[1][0].vertex
     session.change(handle, excluded_counterparts=[off])
     assert [on for _, on in session.counterparts(handle)] == [True, False, False, False]
-    session.change(handle, counterparts="own_pivot")
+    session.change(handle, follow="all")
     assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
 
 

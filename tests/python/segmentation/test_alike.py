@@ -1,4 +1,4 @@
-"""Test which regions look like a part: on a row of patches with made probabilities, and on shapes with known regions."""
+"""Test which regions look like a part, on a row of patches with made probabilities and on shapes."""
 
 from types import SimpleNamespace
 from unittest import mock
@@ -8,11 +8,11 @@ import pytest
 import trimesh
 
 import dfd
-from dfd.segmentation import alike as module
-from dfd.segmentation.alike import CUES, LIKELY, POSSIBLE, Alike, comparable, pair_cues
-from dfd.segmentation.parts import Parts
 from dfd.samples.implicit import Primitive, Shape, capsule, rounded_box
 from dfd.samples.polygonize import polygonize
+from dfd.segmentation import alike as module
+from dfd.segmentation.alike import CUES, LIKELY, POSSIBLE, Alike, compared, pair_cues
+from dfd.segmentation.parts import Parts
 from dfd.segmentation.regions import all_regions, measured
 
 COUNT = 100  # number of patches, all of one area; patches with neighboring numbers touch
@@ -32,7 +32,7 @@ class Row(Alike):
         patches = SimpleNamespace(area=area, orbit=np.arange(COUNT) if orbit is None else orbit)
         super().__init__(SimpleNamespace(patches=patches, components=self._components))
         self.likely = [(run(*ends), probability) for ends, probability in likely]
-        self.regions = SimpleNamespace(inside=np.array([region for region, _ in self.likely]).reshape(-1, COUNT))
+        self.regions = np.array([region for region, _ in self.likely]).reshape(-1, COUNT)
 
     def _components(self, inside):
         label = np.cumsum(np.append(0, inside[1:] != inside[:-1]))
@@ -75,6 +75,14 @@ def test_mirror_images_follow_if_they_have_nearly_the_area_of_the_part(size, fol
     orbit[60 : 60 + size] = 3
     row = Row([((20, 30), 0.99)], orbit)
     assert starts(row.followers(run(0, 10), "mirror")) == ([60] if follows else [])
+    assert starts(row.followers(run(0, 10))) == ([60, 20] if follows else [20])
+
+
+def test_the_mirror_images_of_what_follows_follow_too():
+    orbit = np.arange(COUNT)
+    orbit[60:70] = np.arange(20, 30)
+    row = Row([((20, 30), 0.9), ((61, 71), 0.88)], orbit)
+    assert starts(row.followers(run(0, 10))) == [20, 60]
 
 
 def test_a_component_grows_to_the_region_around_it_that_looks_most_like_the_part():
@@ -144,16 +152,29 @@ def test_cues_of_a_pair_are_those_of_their_definition(measures):
         assert pair_cues(trees, own, own)[0, CUES.index(name)] == 0
 
 
-def test_regions_are_compared_if_areas_and_features_are_near_and_they_do_not_overlap(measures):
+def test_regions_are_compared_if_areas_are_similar_and_they_do_not_overlap(measures):
     trees = measures
-    regions = all_regions(trees)
-    assert len(np.unique(np.packbits(regions.inside, axis=1), axis=0)) == len(regions.area)
-    own = regions[np.array([len(regions.area) // 2])]
-    rows = comparable(own, regions)
-    near = np.abs(np.log(regions.area / own.area)) < np.log(4)
-    near &= np.linalg.norm(regions.mean - own.mean, axis=1) < 2**0.5
-    near &= ~(regions.inside & own.inside).any(axis=1)
-    np.testing.assert_array_equal(rows, np.flatnonzero(near))
+    regions, area = all_regions(trees), trees.patches.area
+    assert len(np.unique(np.packbits(regions, axis=1), axis=0)) == len(regions)
+    own = regions[len(regions) // 2]
+    rows, cues, near = compared(trees, own, regions)
+    similar = np.abs(np.log(regions @ area / (area @ own))) < np.log(4)
+    np.testing.assert_array_equal(rows, np.flatnonzero(similar & ~(regions & own).any(axis=1)))
+    one, others = measured(trees, own[None]), measured(trees, regions[rows])
+    np.testing.assert_allclose(cues, pair_cues(trees, one, others))
+    np.testing.assert_array_equal(near, np.linalg.norm(one.mean - others.mean, axis=1) < 2**0.5)
+
+
+def test_regions_with_features_of_two_random_points_are_never_alike(measures):
+    with mock.patch.object(module, "_weights", return_value=(20.0, np.zeros(len(CUES)))):
+        alike = Alike(measures)
+        part = alike.regions[len(alike.regions) // 2]
+        rows, _, near = compared(measures, part, alike.regions)
+        found = alike.followers(part)
+    allowed = alike.regions[rows[near]]
+    assert not near.all()
+    assert found
+    assert all((each.region == allowed).all(axis=1).any() for each in found)
 
 
 def test_equal_teeth_of_a_comb_follow_each_other_and_a_short_one_does_not():

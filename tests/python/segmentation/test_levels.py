@@ -1,5 +1,7 @@
 """Test that the sets of a place are nested: on made regions, and on shapes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from test_alike import Row, run
@@ -64,7 +66,7 @@ def test_the_part_of_a_level_contains_the_parts_of_all_lower_levels(name, follow
     for vertex in np.linspace(0, len(mesh.vertices) - 1, 12).astype(int).tolist():
         lowest, highest = parts.levels(vertex)
         masks = [parts.part(vertex, level, follow=follow).mask for level in range(lowest, highest + 1)]
-        for smaller, larger in zip(masks, masks[1:], strict=False):
+        for smaller, larger in pairwise(masks):
             assert not (smaller & ~larger).any(), vertex
 
 
