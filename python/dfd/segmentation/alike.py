@@ -31,7 +31,7 @@ RANDOM = 2**0.5
 # 0.661 with 0.5, 0.678 with 0.7 and 0.686 with 0.85; of what follows, 0.71, 0.82 and 0.88 is right.
 LIKELY = 0.85
 POSSIBLE = 1 / 3  # least probability of a region that is reported as left out
-MIRRORED = 1.25  # the areas of a region and of its mirror image have at most this ratio
+MIRRORED = 1.1  # the areas of a region and of its mirror image have at most this ratio
 RATIOS = ("area", "border", "thickness", "width", "length", "reach", "contrast")
 CUES = (*RATIOS, "features", "touching", "size", "clear")
 
@@ -95,11 +95,15 @@ class Alike:
         return component
 
     def _images(self, region: Bool) -> list[Bool]:
-        """Return the mirror images (P,) of a region that are connected and do not overlap it."""
+        """Return the mirror images (P,) of a region that are connected, and neither overlap nor touch it.
+
+        Images of a region across the plane touch it: half a trunk is no counterpart of the other half.
+        """
         patches = self.trees.patches
         images = self.trees.components(np.isin(patches.orbit, patches.orbit[region]) & ~region)
-        area = patches.area @ region
-        return [each for each in images if area / MIRRORED <= patches.area @ each <= area * MIRRORED]
+        area, around = patches.area @ region, self.trees.around(region)
+        equal = [each for each in images if area / MIRRORED <= patches.area @ each <= area * MIRRORED]
+        return [each for each in equal if not (each & around).any()]
 
     def _likely(self, region: Bool) -> tuple[Int64, Float64]:
         """Return the regions (N,) that do not overlap `region` (P,), the most likely first, and their probabilities."""
