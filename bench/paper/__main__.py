@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         metavar="MODULE:FUNCTION",
         action="append",
         default=[],
-        help="further method in the pages that compare methods, see docs/reference/method.md; may be repeated",
+        help="further method in the pages that compare methods, see docs/reference/your_method.md; may be repeated",
     )
     options = parser.parse_args(arguments)
     name = options.name

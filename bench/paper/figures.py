@@ -12,7 +12,7 @@ import numpy as np
 from bench.paper import controls, features, resolution
 from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL
 from bench.paper.page import ALIKE, Claim, Figure, Row, Rule
-from bench.paper.resolution import FORWARD, KEPT, LUCY, PHASES, TIMED_PEERS, of_count
+from bench.paper.resolution import FORWARD, LUCY, PHASES, TIMED_PEERS, of_count
 
 METRICS = ("area %", "angle °", "edge %", "volume %")
 SHAPES = 6  # smallest number of shapes for a claim of Fig. 22
@@ -162,172 +162,154 @@ def speedup(count: int, how: str) -> Rule:
     return number
 
 
+def largest_size(rows: Sequence[Row], own: str) -> float:
+    """Return the largest size of our results, also of those that are too large to be drawn."""
+    return max((row["size"] for row in rows if row["method"] == own and row.get("size")), default=NAN)
+
+
+def least_ticks(rows: Sequence[Row], own: str) -> float:
+    """Return the least share of ticks as in the paper, over our method and the others."""
+    found = (values(rows, "as in the paper, %", method=method) for method in (own, *TIMED_PEERS))
+    return min((each for some in found for each in some), default=NAN)
+
+
 ENCODER = "at the same place of a picture, our encoder gives different features to left and right"
 HARDWARE = "two cores instead of an NVIDIA A40"
 STRETCHES = "DFD stretches whole parts, and the other methods spread the stretch over the shape"
-DEGENERATE = "not shown: our implementations have unique weights also with few handles, and reach their targets"
-NODES = (
-    "our system for OptCtrlPoints takes 0.03 s on a few thousand nodes, because all but K + 4 equations are factored "
-    "before; it grows faster than the number of nodes, which the paper does not state. " + HARDWARE
-)
-ONE = "all features are from blocks of one encoder"
+RIGHT_PAIRS = "pairs of marked places in the right order, %"
 
 
-def agrees(paper: str, **where: Any) -> Claim:
-    """Return the claim that marked places follow as they should."""
-    measured = "pairs of marked places in the right order, %"
-    return Claim(
-        paper,
-        measured,
-        column("agreement %", **where),
-        ALIKE,
-        cause="features of our small encoder differ less between parts",
-    )
+def high(paper: str, measured: str, number: Rule, least: float, marked: bool = True) -> Claim:
+    """Return a claim that holds for numbers of at least `least`."""
+    return Claim(paper, measured, number, least=least, marked=marked)
 
 
-def smooth() -> tuple[Claim, ...]:
-    """Return the claims of Fig. 9 and 16."""
-    more = "as smooth as biharmonic", "more structure-aware than biharmonic"
-    return (
-        Claim(more[0], "angle change, DFD / biharmonic", against("angle °", "biharmonic"), most=1, cause=STRETCHES),
-        Claim(more[1], "asymmetry, DFD / biharmonic", against("asymmetry %", "biharmonic"), most=1),
-    )
+def low(paper: str, measured: str, number: Rule, most: float, marked: bool = True) -> Claim:
+    """Return a claim that holds for numbers of at most `most`."""
+    return Claim(paper, measured, number, most=most, marked=marked)
 
 
+def of_variants(name: str, first: str, second: str, least: float = 0.0) -> Rule:
+    """Return a rule: the mean of column `name` in rows with the variant `first`, divided by that with `second`."""
+    return ratio(column(name, variant=first), column(name, variant=second), least)
+
+
+def degenerates(peer: str) -> Claim:
+    """Return the claim of Fig. 15 that `peer` fails if it constrains only points."""
+    both = (column("edge %", magnitude, variant=each) for each in (WITHOUT_BALL, WITH_BALL))
+    rule = ratio(*both)
+    said = f"change of edges by {peer}, points only / with a ball"
+    return high(f"{peer} degenerates without a ball", said, lambda rows, _: rule(rows, peer), 2)
+
+
+SMOOTH = [
+    low("as smooth as biharmonic", "angle change, DFD / biharmonic", against("angle °", "biharmonic"), 1),
+    low("more structure-aware", "asymmetry, DFD / biharmonic", against("asymmetry %", "biharmonic"), 1),
+]
 FIGURES: dict[str, Figure] = {
     "fig1": Figure(
         controls.fig1,
         [
-            Claim(
+            high(
                 "a plane of symmetry for every shape",
                 "shapes with a plane, %",
                 column("plane found %"),
                 100,
-                cause=ENCODER,
                 marked=False,
             )
         ],
+        ENCODER,
     ),
-    "fig2": Figure(controls.fig2, [Claim("plausible pictures", "flipped faces, %", column("flipped %"), most=1)]),
-    "fig3": Figure(controls.fig3, [agrees("edits propagate to related parts")]),
+    "fig2": Figure(controls.fig2, [low("plausible pictures", "flipped faces, %", column("flipped %"), 1)]),
+    "fig3": Figure(
+        controls.fig3, [high("edits propagate to related parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]
+    ),
     "fig4": Figure(
         features.fig4,
         [
-            Claim(
+            low(
                 "virtually identical fields",
                 "distance of both fields / spread of the features",
                 ratio(column("mean distance"), column("spread")),
-                most=0.5,
+                0.5,
             )
         ],
     ),
     "fig5": Figure(
-        controls.fig5,
-        [Claim("score below 0.1", "largest score", column("score", max), most=0.1, cause=ENCODER, marked=False)],
+        controls.fig5, [low("score below 0.1", "largest score", column("score", max), 0.1, marked=False)], ENCODER
     ),
     "fig6": Figure(
         controls.fig6,
         [
-            Claim(
+            low(
                 "what looks like the fixed point stays",
                 "motion of similar vertices, fixed / free",
-                ratio(
-                    column("similar vertices move %", variant=controls.FIXED),
-                    column("similar vertices move %", variant=controls.FREE),
-                    least=0.5,
-                ),
-                most=0.2,
+                of_variants("similar vertices move %", controls.FIXED, controls.FREE, 0.5),
+                0.2,
             )
         ],
     ),
     "fig7": Figure(
         controls.fig7,
         [
-            Claim(
+            low(
                 "the head turns without locality, only the horn with it",
                 "weight at related places, λ = 32 / λ = 0",
-                ratio(
-                    column("related places follow %", variant="λ = 32"),
-                    column("related places follow %", variant="λ = 0"),
-                ),
-                most=0.2,
-                cause="by default, distances start at the mirror image of the handle, too",
+                of_variants("related places follow %", "λ = 32", "λ = 0"),
+                0.2,
             )
         ],
+        "by default, distances start at the mirror image of the handle, too",
     ),
     "fig8": Figure(
         JOBS["fig8"],
         [
-            Claim(
+            low(
                 "unrelated parts stay without fixed points",
                 "motion of others' fixed points, % of the handle's",
                 column("fixed points move %"),
-                most=25,
+                25,
             )
         ],
     ),
-    "fig9": Figure(JOBS["fig9"], smooth()),
+    "fig9": Figure(JOBS["fig9"], SMOOTH, STRETCHES),
     "fig10": Figure(
         resolution.fig10,
         [
-            Claim("robust to size", "longest / shortest preprocessing", column("preprocess s", spread), most=3),
-            Claim(
-                "as fast as biharmonic at the lowest resolution",
-                "seconds at 10³ faces, DFD / biharmonic",
-                at_fewest_faces,
-                most=1,
-                cause=f"distillation takes a fixed time, and tetrahedra of a small mesh take a second; {HARDWARE}",
-            ),
-            Claim("biharmonic fails past 10⁵ faces", "most faces with biharmonic", most_faces, most=BIHARMONIC_FAILS),
+            low("robust to size", "longest / shortest preprocessing", column("preprocess s", spread), 3),
+            low("as fast as biharmonic at 10³ faces", "seconds of all phases, DFD / biharmonic", at_fewest_faces, 1),
+            low("biharmonic fails past 10⁵ faces", "most faces with biharmonic", most_faces, BIHARMONIC_FAILS),
             *(
-                Claim(
-                    f"scales better than all methods in {phase.removesuffix(' s')}",
-                    f"power of growth in {phase.removesuffix(' s')}, DFD − least of others",
-                    steeper(phase),
-                    most=-GROWS_LESS,
+                low(
+                    f"scales best in {each}",
+                    f"power of growth in {each}, DFD − least",
+                    steeper(f"{each} s"),
+                    -GROWS_LESS,
                 )
-                for phase in PHASES
+                for each in ("preprocess", "bind", "pose")
             ),
             *(
-                Claim(f"sublinear in {each}", f"power of growth in {each}", power(f"{each} s"), most=1 - GROWS_LESS)
+                low(f"sublinear in {each}", f"power of growth in {each}", power(f"{each} s"), 1 - GROWS_LESS)
                 for each in ("bind", "pose")
             ),
         ],
+        f"distillation takes a fixed time, and binding includes the forward pass at every vertex; {HARDWARE}",
     ),
     "fig11": Figure(
         features.fig11,
-        [
-            Claim(
-                "similar edits by all encoders",
-                "largest / smallest angle change",
-                of_encoders(column("angle °", spread)),
-                most=2,
-                cause=ONE,
-            )
-        ],
+        [low("similar edits", "largest / smallest angle change", of_encoders(column("angle °", spread)), 2)],
     ),
     "fig12": Figure(
         features.fig12,
-        [
-            Claim(
-                "similar weights by all encoders",
-                "correlation with the first encoder's weights",
-                of_encoders(column("correlation")),
-                0.7,
-                cause=ONE,
-            )
-        ],
+        [high("similar weights", "correlation with the first encoder's", of_encoders(column("correlation")), 0.7)],
     ),
     "fig13": Figure(
         features.fig13,
         [
-            Claim(
+            high(
                 "training on vertices gives much worse weights",
                 "difference from the fine mesh's weights, vertices / all pixels",
-                ratio(
-                    column("mean difference", variant=features.VERTICES_ALONE),
-                    column("mean difference", variant=features.ALL_PIXELS),
-                ),
+                of_variants("mean difference", features.VERTICES_ALONE, features.ALL_PIXELS),
                 1.5,
             )
         ],
@@ -335,130 +317,67 @@ FIGURES: dict[str, Figure] = {
     "fig14": Figure(
         JOBS["fig14"],
         [
-            Claim(
-                "symmetry-aware; others are asymmetric",
-                "asymmetry, DFD / least of others",
-                against("asymmetry %", *TIMED_PEERS),
-                most=1,
-            ),
-            Claim(
+            low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *TIMED_PEERS), 1),
+            low(
                 "others move the shape as a whole",
-                "motion of unrelated places, DFD / least of others",
+                "motion of unrelated places, DFD / least",
                 against("unrelated places move %", *TIMED_PEERS),
-                most=1,
+                1,
             ),
         ],
     ),
     "fig15": Figure(
         JOBS["fig15"],
-        [
-            Claim(
-                f"{method} degenerates without a ball",
-                f"change of edges by {method}, points only / with a ball",
-                lambda rows, _, method=method: ratio(
-                    column("edge %", magnitude, variant=WITHOUT_BALL), column("edge %", magnitude, variant=WITH_BALL)
-                )(rows, method),
-                2,
-                cause=DEGENERATE,
-            )
-            for method in ("biharmonic", "NeuralMLS")
-        ],
+        [degenerates("biharmonic"), degenerates("NeuralMLS")],
+        "not shown: our implementations have unique weights also with few handles, and reach their targets",
     ),
-    "fig16": Figure(JOBS["fig16"], smooth()),
-    "fig17": Figure(
-        resolution.fig17, [Claim("no tears", "largest gap, % of the largest motion", column("gap %", max), most=5)]
-    ),
+    "fig16": Figure(JOBS["fig16"], SMOOTH, STRETCHES),
+    "fig17": Figure(resolution.fig17, [low("no tears", "largest gap, % of the motion", column("gap %", max), 5)]),
     "fig18": Figure(
         resolution.fig18,
         [
-            Claim("constant training time T", "longest / shortest T", column("T s", spread), most=2),
-            Claim("28 million faces in a minute", "s to distill", at_lucy, most=60, cause=HARDWARE),
+            low("constant training time T", "longest / shortest T", column("T s", spread), 2),
+            low("28 million faces in a minute", "s to distill", at_lucy, 60),
         ],
+        HARDWARE,
     ),
     "fig19": Figure(
         features.fig19,
         [
-            Claim(
-                "the same weights on remeshings",
-                "largest ratio of the area that follows",
-                column("area, larger / smaller", max),
-                most=1.5,
-                cause="on few faces, parts merge",
-            ),
-            Claim(
-                "remeshings: what follows is alike",
-                "least agreement of a remeshing, %",
-                column("agreement of copies %", min),
-                ALIKE,
-            ),
-            Claim(
-                "other shapes of the class: legs follow together",
-                "least agreement of a shape, %",
-                column("agreement of other shapes %", min),
-                ALIKE,
-                cause="hind legs lie elsewhere in the field's space",
-            ),
+            low("same weights on remeshings", "largest ratio of areas", column("area, larger / smaller", max), 1.5),
+            high("remeshings follow alike", "least agreement, %", column("agreement of copies %", min), ALIKE),
+            high("other shapes follow alike", "lowest agreement, %", column("agreement of other shapes %", min), ALIKE),
         ],
+        "parts merge on few faces, and legs of other shapes lie elsewhere in the field's space",
     ),
-    "fig20": Figure(features.fig20, [agrees("handles select the same parts")]),
+    "fig20": Figure(features.fig20, [high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]),
     "fig21": Figure(
         JOBS["fig21"],
-        [
-            Claim(
-                "reasonable shapes",
-                "diagonal of the result / of the shape",
-                lambda rows, own: float(
-                    np.mean([r["size"] for r in rows if r["method"] == own and r.get("size")] or [NAN])
-                ),
-                most=1.5,
-                cause="where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
-            )
-        ],
+        [low("reasonable shapes", "diagonal of the result / of the shape", largest_size, 1.5)],
+        "where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
     ),
     "fig22": Figure(
         JOBS["fig22"],
         [
-            Claim(
-                f"DFD distorts more than {method}",
-                f"least of four measures, DFD / {method}, {variant}",
-                distorts_more(method, variant),
-                1,
-                cause="few fixed points hold the shape loosely, so the other method shears it as a whole",
+            high(
+                f"DFD distorts more than {peer}", f"least of four measures, {variant}", distorts_more(peer, variant), 1
             )
             for variant in (FEW, MANY)
-            for method in TIMED_PEERS
+            for peer in TIMED_PEERS
         ],
+        "few fixed points hold the shape loosely, so the other method shears it as a whole",
     ),
     "table1": Figure(
-        resolution.table1,
-        [
-            Claim(
-                "every tick of Table 1",
-                "least share of ticks as in the paper, %",
-                lambda rows, own: min(
-                    (
-                        each
-                        for method in (own, *TIMED_PEERS)
-                        for each in values(rows, "as in the paper, %", method=method)
-                    ),
-                    default=NAN,
-                ),
-                100,
-            )
-        ],
+        resolution.table1, [high("every tick of Table 1", "least share of ticks as in the paper, %", least_ticks, 100)]
     ),
     "table3": Figure(
         resolution.table3,
         [
-            Claim(paper, f"{of_count(count)}, OptCtrlPoints / DFD ({how})", speedup(count, how), ORDERS, cause=NODES)
-            for count, how, paper in (
-                (1, FORWARD, "1,150 times as fast for 1 handle"),
-                (10, FORWARD, "946 times as fast for 10"),
-                (100, FORWARD, "641 times as fast for 100"),
-                (1, KEPT, "not measured"),
-                (100, KEPT, "not measured"),
-            )
+            high(f"{times} times as fast", f"{of_count(n)}, OptCtrlPoints / DFD", speedup(n, FORWARD), ORDERS)
+            for n, times in ((1, "1,150"), (10, "946"), (100, "641"))
         ],
+        "all but K + 4 equations of our system are factored before, and the paper does not state its nodes; "
+        + HARDWARE,
     ),
 }
 SCREENS = "it shows screenshots of the paper's user study; fig14 draws such pictures"

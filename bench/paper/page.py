@@ -99,7 +99,6 @@ class Claim:
     number: Rule
     least: float = -np.inf  # smallest number with which the claim holds
     most: float = np.inf  # largest number with which the claim holds
-    cause: str = ""  # why the claim may not hold
     marked: bool = True  # whether the claim can hold only if marked places follow as they should (`ALIKE`)
 
     @property
@@ -127,6 +126,7 @@ class Figure:
 
     make: Callable[[Context], Page]
     claims: Sequence[Claim]
+    cause: str = ""  # why a claim may not hold
 
     @property
     def title(self) -> str:
@@ -138,14 +138,14 @@ def write(figure: Figure, name: str, folder: Path, context: Context) -> Path:
     """Write the page NAME.md, its pictures as PNG and its table as CSV; return the path of NAME.md."""
     folder.mkdir(parents=True, exist_ok=True)
     page = figure.make(context)
-    said, causes = [], []
+    said, cause = [], ""
     for claim in figure.claims:
         judged = [claim.judged(page.rows, own) for own in NAMES.values()]
         said.append([claim.paper, claim.measured, claim.bound, *(f"{number:.3g}: {word}" for number, word in judged)])
-        if claim.cause and any(word.startswith("no:") or word == "no" for _, word in judged):
-            causes.append(f"- {claim.measured}: {claim.cause}")
+        if figure.cause and any(word.startswith("no") and word != "not decided" for _, word in judged):
+            cause = f"Cause: {figure.cause}."
     verdicts = to_markdown(["the paper's claim", "our number", "our bound", *NAMES.values()], said)
-    blocks = [f"# {name}: {figure.title}", verdicts, "\n".join(causes), "\n".join(f"- {n}" for n in context.notes())]
+    blocks = [f"# {name}: {figure.title}", verdicts, cause, "\n".join(f"- {n}" for n in context.notes())]
     blocks.append(page.text)
     if page.pictures:
         save_png(folder / f"{name}.png", contact_sheet(page.pictures, cell=RESOLUTION))

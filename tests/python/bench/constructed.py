@@ -53,7 +53,7 @@ def true(places: NDArray[np.float64]) -> NDArray[np.float64]:
 def noise(seed: int) -> Function:
     """Return a function whose rows are random and unrelated, however near two positions are."""
     mixed = np.random.default_rng(seed).normal(size=(3, 16)) * 1e4
-    return lambda places: np.modf(np.sin(places @ mixed) * 43_758.5)[0]
+    return lambda places: np.modf(np.sin(places @ mixed + 1.7) * 43_758.5)[0]
 
 
 def smooth(seed: int, spread: float = 3.0) -> Function:
