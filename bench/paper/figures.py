@@ -359,9 +359,7 @@ FIGURES: dict[str, Figure] = {
     "fig22": Figure(
         JOBS["fig22"],
         [
-            high(
-                f"DFD distorts more than {peer}", f"least of four measures, {variant}", distorts_more(peer, variant), 1
-            )
+            high(f"more distortion than {peer}", f"least of four, {peer}, {variant}", distorts_more(peer, variant), 1)
             for variant in (FEW, MANY)
             for peer in TIMED_PEERS
         ],

@@ -98,14 +98,15 @@ def best_peers(name: str) -> str:
 def test_no_claim_holds_for_random_features(name, kind, peers, one_thread):
     peers["kind"] = best_peers(name)
     rows = rows_of(name, MadeContext(functions=kind))
-    # By default, legs of equal shape move together if features tell nothing: the geometry alone finds them.
-    found = verdicts(name, rows, BOTH if kind is smooth else [OURS])
+    # By default, legs of equal shape move together if features tell nothing: the geometry finds them. Fifty handles
+    # determine the shape, whatever the features are.
+    found = verdicts(name, rows, BOTH if kind is smooth and name != "fig21" else [OURS])
     assert {key: word for key, word in found.items() if not word.startswith("no:") and word != "no"} == {}
 
 
-# By default, a fixed point does not hold its counterparts if it lies on the handle's own part. A part moves as a whole,
-# so gaps open where it touches another component.
-NOT_BY_DEFAULT = {"motion of similar vertices, fixed / free", "largest gap, % of the motion"}
+# By default, a fixed point does not hold its counterparts if it lies on the part of the handle. A leg that is a
+# component of the mesh moves as a whole: it is not distorted, and a gap opens.
+NOT_BY_DEFAULT = ("fig6", "fig17", "fig22")
 
 
 @pytest.mark.parametrize("name", [each for each in BY_FEATURES if each != "fig21"])
@@ -113,7 +114,7 @@ def test_claims_hold_for_true_features(name, peers, one_thread):
     peers["kind"] = best_peers(name)
     found = verdicts(name, rows_of(name, MadeContext(functions=lambda _: true)))
     assert {key: word for key, word in found.items() if word != "yes" and key[1] == OURS} == {}
-    assert {key[0] for key, word in found.items() if word != "yes"} == NOT_BY_DEFAULT & {key[0] for key in found}
+    assert ({word for (_, own), word in found.items() if own != OURS} <= {"yes"}) == (name not in NOT_BY_DEFAULT)
 
 
 # --- pages of running times
