@@ -10,8 +10,8 @@ from pathlib import Path
 from bench.paper.comparisons import JOBS
 from bench.paper.figures import CANNOT, FIGURES
 from bench.paper.page import write
-from bench.paper.peers.given import given
 from bench.paper.subjects import Context
+from bench.peers.given import given
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"

@@ -10,9 +10,9 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.distortion import asymmetry, contact_gap, surface_metrics
 from bench.paper.page import Page, Pictures, Row, aim
-from bench.paper.peers import PEERS
-from bench.paper.peers.peer import Job, PeerError, run
 from bench.paper.subjects import CASES, NAMES, PRESETS, BoxHandle, Context, Shape, Subject, agreement, pulls_of
+from bench.peers import PEERS
+from bench.peers.peer import Job, PeerError, run
 from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset

@@ -14,9 +14,9 @@ from bench.paper.comparisons import BALL, PRESET_OF, Case, case_of, deform, fart
 from bench.paper.distortion import contact_gap
 from bench.paper.features import distilled, resampled
 from bench.paper.page import ALIKE, Page, Row, gallery
-from bench.paper.peers import PEERS
-from bench.paper.peers.peer import Job, PeerError, run, tetrahedra
 from bench.paper.subjects import CASES, NAMES, PRESETS, Context, Shape, Subject, pulls_of
+from bench.peers import PEERS
+from bench.peers.peer import Job, PeerError, run, tetrahedra
 from bench.speed.measure import Timing, together
 from dfd.common.linear_algebra import Bool, Float32
 from dfd.common.preset import Preset

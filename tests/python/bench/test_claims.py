@@ -15,9 +15,9 @@ from bench.paper import comparisons, controls, features, figures, page, resoluti
 from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL, same
 from bench.paper.figures import FIGURES
 from bench.paper.page import ALIKE, Row
-from bench.paper.peers.peer import Done, Job
 from bench.paper.resolution import FACES, FORWARD, KEPT, LUCY, PHASES, TIMED_PEERS, of_count
 from bench.paper.subjects import NAMES
+from bench.peers.peer import Done, Job
 
 OURS = NAMES["paper"]
 TIMED = ("fig10", "fig18", "table1", "table3")  # pages of running times, which features do not change

@@ -22,16 +22,16 @@ from bench.paper.comparisons import JOBS, case_of, constraints, farthest
 from bench.paper.distortion import asymmetry, contact_gap
 from bench.paper.figures import CANNOT, FIGURES, against
 from bench.paper.page import Claim, write
-from bench.paper.peers import PEERS, biharmonic
-from bench.paper.peers.biharmonic import direct, small_system
-from bench.paper.peers.given import given
-from bench.paper.peers.peer import MOST_FACES, Body, Done, Job, PeerError, Tetrahedra, run, tetrahedra
 from bench.paper.subjects import CASES, NAMES, Context
+from bench.peers import PEERS, biharmonic
+from bench.peers.biharmonic import direct, small_system
+from bench.peers.given import given
+from bench.peers.peer import MOST_FACES, Body, Done, Job, PeerError, Tetrahedra, run, tetrahedra
 from bench.quality.shapes import SAMPLES
 
 igl = pytest.importorskip("igl")
 
-neural_mls = importlib.import_module("bench.paper.peers.neural_mls")
+neural_mls = importlib.import_module("bench.peers.neural_mls")
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -388,6 +388,14 @@ def test_a_method_of_the_user_gives_vertices_or_weights(own, body):
     targets = body.vertices[held] + [[0, 1, 0], [0, 0, 0], [0, 0, 0]]
     moved = given(f"{__name__}:{own.__name__}").prepare(body)(held, np.arange(3))(targets)
     share = np.ones(len(moved)) if own is by_vertices else np.linspace(0, 1, len(moved))
+    np.testing.assert_allclose(moved, body.vertices + share[:, None] * (0, 1, 0), atol=1e-12)
+
+
+def test_weights_count_a_handle_once_however_many_vertices_are_near_it(body):
+    held, group = farthest(body.vertices, 5), np.array([0, 0, 0, -1, -1])
+    targets = body.vertices[held] + (group == 0)[:, None] * (0, 1, 0)
+    moved = given(f"{__name__}:by_weights").prepare(body)(held, group)(targets)
+    share = np.linspace(0, 1, len(moved))
     np.testing.assert_allclose(moved, body.vertices + share[:, None] * (0, 1, 0), atol=1e-12)
 
 

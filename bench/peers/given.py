@@ -3,7 +3,8 @@
 A function of three arguments, `function(mesh, handles, targets)`, returns the deformed vertices (V, 3) in mesh units. A
 function of two arguments, `function(mesh, handles)`, returns weights (V, K), with which vertices follow the K handles.
 `mesh` is a `dfd.Mesh`. `handles` (K,) are vertex indices. `targets` (K, 3) are positions that they shall reach, in mesh
-units. Fixed points are handles whose targets are their own positions.
+units. Fixed points are handles whose targets are their own positions. Of vertices that move as one handle, because they
+are near it, a function of two arguments gets one.
 """
 
 import importlib
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import dfd
-from bench.paper.peers.peer import Bind, Body, Deform, Peer, PeerError
+from bench.peers.peer import Bind, Body, Deform, Peer, PeerError
 from dfd.common.linear_algebra import Float64, Int64
 
 
@@ -49,14 +50,12 @@ def prepare(body: Body, name: str) -> Bind:
     mesh = dfd.Mesh(body.vertices, body.faces)
 
     def bind(held: Int64, group: Int64) -> Deform:
-        weights = _checked(method(mesh, held), (len(body.vertices), len(held)), name) if count == 2 else None
-
-        def deform(targets: Float64) -> Float64:
-            if weights is None:
-                return _checked(method(mesh, held, targets), body.vertices.shape, name)
-            return body.vertices + weights @ (targets - body.vertices[held])
-
-        return deform
+        if count == 3:
+            return lambda targets: _checked(method(mesh, held, targets), body.vertices.shape, name)
+        moving, first = np.unique(group, return_index=True)
+        kept = np.concatenate([first[moving >= 0], np.flatnonzero(group < 0)])
+        weights = _checked(method(mesh, held[kept]), (len(body.vertices), len(kept)), name)
+        return lambda targets: body.vertices + weights @ (targets[kept] - body.vertices[held[kept]])
 
     return bind
 
