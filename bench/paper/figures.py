@@ -22,10 +22,13 @@ ORDERS = 100  # the paper says that DFD binds new handles several orders of magn
 NAN = float("nan")
 
 
-def values(rows: Sequence[Row], name: str, **where: Any) -> list[float]:
-    """Return the values of column `name` in the rows whose other columns have the values `where`."""
+def values(rows: Sequence[Row], name: str, noted: bool = False, **where: Any) -> list[float]:
+    """Return the values of column `name` in the rows whose other columns have the values `where`.
+
+    If `noted`, also of results that are too large to be drawn.
+    """
     fitting = (row for row in rows if all(row.get(key) == each for key, each in where.items()))
-    return [row[name] for row in fitting if row.get(name) is not None and not row.get("note")]
+    return [row[name] for row in fitting if row.get(name) is not None and (noted or not row.get("note"))]
 
 
 def over(dividend: float, divisor: float) -> float:
@@ -162,11 +165,6 @@ def speedup(count: int, how: str) -> Rule:
     return number
 
 
-def largest_size(rows: Sequence[Row], own: str) -> float:
-    """Return the largest size of our results, also of those that are too large to be drawn."""
-    return max((row["size"] for row in rows if row["method"] == own and row.get("size")), default=NAN)
-
-
 def least_ticks(rows: Sequence[Row], own: str) -> float:
     """Return the least share of ticks as in the paper, over our method and the others."""
     found = (values(rows, "as in the paper, %", method=method) for method in (own, *TIMED_PEERS))
@@ -196,7 +194,7 @@ def of_variants(name: str, first: str, second: str, least: float = 0.0) -> Rule:
 
 def degenerates(peer: str) -> Claim:
     """Return the claim of Fig. 15 that `peer` fails if it constrains only points."""
-    both = (column("edge %", magnitude, variant=each) for each in (WITHOUT_BALL, WITH_BALL))
+    both = (column("edge %", magnitude, noted=True, variant=each) for each in (WITHOUT_BALL, WITH_BALL))
     rule = ratio(*both)
     said = f"change of edges by {peer}, points only / with a ball"
     return high(f"{peer} degenerates without a ball", said, lambda rows, _: rule(rows, peer), 2)
@@ -259,7 +257,6 @@ FIGURES: dict[str, Figure] = {
                 0.2,
             )
         ],
-        "by default, distances start at the mirror image of the handle, too",
     ),
     "fig8": Figure(
         JOBS["fig8"],
@@ -353,7 +350,7 @@ FIGURES: dict[str, Figure] = {
     "fig20": Figure(features.fig20, [high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]),
     "fig21": Figure(
         JOBS["fig21"],
-        [low("reasonable shapes", "diagonal of the result / of the shape", largest_size, 1.5)],
+        [low("reasonable shapes", "diagonal of the result / of the shape", column("size", max, noted=True), 1.5)],
         "where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
     ),
     "fig22": Figure(

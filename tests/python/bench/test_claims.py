@@ -208,6 +208,20 @@ def test_handles_that_make_a_shape_larger_are_not_reasonable() -> None:
     assert claim.judged([*rows, {"method": OURS, "size": 9.0, "note": "too large"}], OURS)[1] == "no"
 
 
+def test_a_method_that_explodes_without_a_ball_degenerates() -> None:
+    def rows(without: float, note: str = "") -> list[Row]:
+        common = {"agreement %": 100.0, "edge %": 10.0, "note": ""}
+        return [
+            {"shape": "table", "method": method, "variant": variant, **common}
+            | ({"edge %": without, "note": note} if variant == WITHOUT_BALL else {})
+            for method in (*BOTH, *TIMED_PEERS)
+            for variant in (WITH_BALL, WITHOUT_BALL)
+        ]
+
+    assert words("fig15", rows(1e4, "too large: 50 times the shape's diagonal")) == {"yes"}
+    assert words("fig15", rows(9.0)) == {"no"}
+
+
 def test_blocks_of_one_encoder_do_not_decide_a_claim_about_encoders() -> None:
     rows = [{"method": OURS, "encoder": "a", "angle °": 1.0, "correlation": 0.9, "agreement %": 100.0}] * 2
     for name in ("fig11", "fig12"):
