@@ -15,9 +15,9 @@ from dfd.common.linear_algebra import Bool
 from dfd.editing.presets import PRESETS as DEFAULTS
 
 FREE, FIXED = "free", "fixed"
-# Similar vertices are those of the SIMILAR of the area with the features nearest to the fixed point's that are at least
-# twice as near to them as to the handle's. In space, they are at least APART × the diagonal away from the fixed point.
-SIMILAR, APART = 0.1, 0.15
+# Similar vertices are those of the SIMILAR of the area, about that of a foot, with the features nearest to the fixed
+# point's that are nearer to these than to the handle's. They are at least APART × the diagonal away from the point.
+SIMILAR, APART = 0.02, 0.15
 
 LOCALITIES = (0, 2, 8, 32)
 
@@ -104,8 +104,8 @@ def fig6(context: Context) -> Page:
 
     text = (
         "The table has the mean motion of similar vertices, in % of the diagonal. Similar vertices are those of the "
-        f"{SIMILAR:.0%} of the area whose features, before any constraint, are nearest to those of the fixed point, if "
-        "they are at least twice as near to them as to those of the handle. They lie at least "
+        f"{SIMILAR:.0%} of the area whose features, before any constraint, are nearest to those of the fixed point, and "
+        "nearer to them than to those of the handle. They lie at least "
         f"{APART:.0%} of the diagonal away from the fixed point."
     )
     return gallery(
@@ -127,7 +127,7 @@ def similar_to(subject: Subject, vertex: int) -> Bool:
     order = np.flatnonzero(apart)[off[apart].argsort(kind="stable")]
     nearest = np.zeros(len(off), bool)
     nearest[order[area_fractions(mesh)[order].cumsum() <= SIMILAR]] = True
-    return nearest & (2 * off < off_handle)
+    return nearest & (off < off_handle)
 
 
 def fig7(context: Context) -> Page:
