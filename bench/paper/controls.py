@@ -105,7 +105,7 @@ def fig6(context: Context) -> Page:
     text = (
         "The table has the mean motion of similar vertices, in % of the diagonal. Similar vertices are those of the "
         f"{SIMILAR:.0%} of the area whose features, before any constraint, are nearest to the fixed point's, and "
-        f"nearer to these than to the handle's. They lie at least {APART:.0%} of the diagonal away from the fixed point."
+        f"nearer to these than to the handle's. They lie at least {APART:.0%} of the diagonal away from the point."
     )
     return gallery(
         context.subjects(CASES["twists"], (2, 3)),
