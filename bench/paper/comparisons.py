@@ -1,18 +1,18 @@
-"""Pages that compare DFD with other methods: Fig. 8, 9, 14 to 16, 21 and 22."""
+"""Pages that compare DFD with other methods: Fig. 8, 9, 14 to 16, 21 and 22. `JOBS` lists them."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.distortion import surface_metrics
+from bench.paper.distortion import asymmetry, contact_gap, surface_metrics
 from bench.paper.page import Page, Pictures, Row, aim
-from bench.paper.peers import PEERS
-from bench.paper.peers.peer import Job, PeerError, run
-from bench.paper.subjects import NAMES, PRESETS, PULLS, BoxHandle, Context, Shape, Subject
+from bench.paper.subjects import CASES, NAMES, PRESETS, BoxHandle, Context, Shape, Subject, agreement, pulls_of
+from bench.peers import PEERS
+from bench.peers.peer import Job, PeerError, run
 from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
@@ -23,10 +23,10 @@ FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
 
 # Shapes of Fig. 9, 16, 21. Control points below LIFTED × the shape's height move down by at most STRETCH × this height.
-STRETCHED = dict.fromkeys(("kaykit_chair_A", "table_roundlarge", "chair_2", "nightstand_1", "chair"))
 CONTROL_POINTS, LIFTED, STRETCH = 50, 0.4, 0.25
-# The cases of Fig. 22. With many fixed points, there are at most MOST_FIXED, each at least AWAY × the diagonal from the
-# handle.
+# Fig. 22: connected shapes, and two sets of constraints. With many fixed points, there are at most MOST_FIXED, each at
+# least AWAY × the diagonal from the handle.
+CONNECTED = pulls_of("spot", "chair", "quadruped", "horse", "fox", "dog", "alpaca", "koala")
 FEW, MANY = "3 or 4 fixed points", "26 to 30 fixed points"
 MOST_FIXED, AWAY = 30, 0.25
 DENSE_TEXT = (
@@ -36,18 +36,21 @@ DENSE_TEXT = (
 
 PRESET_OF: dict[str, Preset] = {NAMES[preset]: preset for preset in PRESETS}
 BALL = 0.01  # vertices up to this distance from a held vertex are constrained too; a fraction of the box's longest side
-COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints gives the same weights as "biharmonic"
+WITH_BALL, WITHOUT_BALL = "with a ball", "points only"
+COMPARED = ("ARAP", "biharmonic", "NeuralMLS")  # OptCtrlPoints gives the same weights as "biharmonic"
 EXPLODED = 3.0  # a result is not drawn if its diagonal is more than this times the shape's diagonal
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors of the shape at rest and deformed
 LEGEND = """\
 In pictures of the shape at rest, the dot is the handle. In the other pictures, the dot is the handle's target. Squares
 are fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
-**handle error**: distance of the handle from its target, in % of the diagonal; for DFD, it is 0 by definition. **fixed
-points move**: mean motion of the fixed points of the other methods, in % of the handle's motion. **area**, **angle**,
-**edge**: mean changes over the surface. **volume**: change of the enclosed volume; empty for open surfaces. **flipped
-faces**: number of faces that fold over. **size**: diagonal of the result divided by that of the shape. **biharmonic**
-and **BBW** use tetrahedra in a copy of the shape, simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are
-not available."""
+**handle error**: distance of the handle from its target, in % of the diagonal. **agreement**: percentage of pairs of
+marked places in which the place that looks like the handle's moves more. **unrelated places move**: motion of the other
+marked places, and **fixed points move**: motion of the other methods' fixed points, in % of the handle's motion.
+**gap**: largest gap that opens between touching components, in % of the largest motion. **asymmetry**: 0 if both sides
+move as mirror images, 100 if only one side moves. **area**, **angle**, **edge**: mean changes over the surface.
+**volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number of faces that fold over.
+**size**: diagonal of the result divided by that of the shape. **biharmonic** uses tetrahedra in a copy of the shape,
+simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Case:
     targets: Float64  # (C, 3) target positions of the held vertices, in mesh units
     handle: int = 0  # index of DFD's handle in `held`
     dense: bool = False  # True: all held vertices move. False: all held vertices except the handle are fixed.
-    variant: str = ""  # what differs from other cases of the same shape
+    marks: BoxHandle | None = None  # has the marked places of the shape
 
     @property
     def fixed(self) -> Int64:
@@ -72,9 +75,14 @@ class Case:
         return self.targets[[self.handle]]
 
 
-def pulls(context: Context, most: tuple[int, int]) -> Iterator[Case]:
-    """Yield a case for each available mesh of `PULLS`: the translation of one handle."""
-    return (case_of(shape.refined(), pull) for shape, pull in context.cases(PULLS, most))
+def pulls(context: Context, most: tuple[int, int], shapes: Mapping[str, BoxHandle] | None = None) -> Iterator[Case]:
+    """Yield a case for each available mesh of `shapes`, or of all pulls: the translation of one handle."""
+    return (case_of(shape.refined(), pull) for shape, pull in context.cases(shapes or CASES["pulls"], most))
+
+
+def connected(context: Context, most: tuple[int, int]) -> Iterator[Case]:
+    """Yield the cases of `pulls` for shapes of one component."""
+    return pulls(context, most, CONNECTED)
 
 
 def case_of(shape: Shape, pull: BoxHandle) -> Case:
@@ -84,19 +92,20 @@ def case_of(shape: Shape, pull: BoxHandle) -> Case:
     held = np.array(list(dict.fromkeys([handle["at"], *staying])), np.int64)
     targets = vertices[held]
     targets[0] += handle["translation"]
-    return Case(shape, held, targets)
+    return Case(shape, held, targets, marks=pull)
 
 
 def stretched(context: Context, most: tuple[int, int]) -> Iterator[Case]:
     """Yield a case for each available mesh: fifty control points, of which the lower ones move down."""
-    for shape in (given.refined() for given, _ in context.cases(STRETCHED, most)):
+    for given, marks in context.cases(CASES["stretched"], most):
+        shape = given.refined()
         mesh = shape.mesh
         corners = np.unique(mesh.faces)
         held = corners[farthest(mesh.vertices[corners], CONTROL_POINTS)].astype(np.int64)
         low, height = mesh.bounds[0][1], mesh.extents[1]
         below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
         targets = mesh.vertices[held] - below[:, None] * np.array([0, STRETCH * height, 0])
-        yield Case(shape, held, targets, int(below.argmax()), dense=True)
+        yield Case(shape, held, targets, int(below.argmax()), dense=True, marks=marks)
 
 
 def farthest(points: Float64, count: int) -> Int64:
@@ -116,9 +125,9 @@ def pulled(context: Context, case: Case, preset: Preset, *, all_handles: bool = 
     return subject.session({"at": int(at), "translation": by} for at, by in zip(held, offsets, strict=True))
 
 
-def deform(name: str, case: Case, ball: float) -> Float64:
-    """Deform a case by the method `PEERS[name]`, and return the vertices (V, 3). `ball` is as in `constraints`."""
-    return run(PEERS[name], case.shape.mesh, [constraints(case, ball)])[0].vertices
+def deform(context: Context, name: str, case: Case, ball: float) -> Float64:
+    """Deform a case by the peer or given method `name`; return the vertices (V, 3). `ball` is as in `constraints`."""
+    return run({**PEERS, **context.methods}[name], case.shape.mesh, [constraints(case, ball)])[0].vertices
 
 
 def constraints(case: Case, ball: float) -> Job:
@@ -164,37 +173,6 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, target: Float64, where: dict[str
     return page.clip(0, 255).astype(np.uint8)
 
 
-def fig8(context: Context) -> Page:
-    """Translation of one handle by DFD, with its weights, and by methods that need fixed points."""
-    return _compared(context, pulls(context, (1, 6)), weights=True)
-
-
-def fig9(context: Context, most: tuple[int, int] = (1, 3)) -> Page:
-    """Deformation by fifty control points, as in DeepMetaHandles; DFD uses only the one that moves farthest."""
-    return _compared(context, stretched(context, most), DENSE_TEXT, ball=0.0)
-
-
-def fig16(context: Context) -> Page:
-    """The deformations of fig9, on more shapes."""
-    return fig9(context, (2, 12))
-
-
-def fig14(context: Context, ball: float = BALL) -> Page:
-    """Translation of one handle by DFD and by other methods, which also constrain vertices near their handles."""
-    return _compared(context, pulls(context, (2, 10)), ball=ball)
-
-
-def fig15(context: Context) -> Page:
-    """Translation of one handle by DFD and by other methods, which constrain only the handle and fixed points."""
-    return fig14(context, 0.0)
-
-
-def fig22(context: Context) -> Page:
-    """Distortion of the surface by every method: change of area, angles, edges and volume, as in Implicit-ARAP."""
-    few = list(pulls(context, (2, 2)))
-    return _compared(context, [replace(case, variant=FEW) for case in few] + [held_by_many(case) for case in few])
-
-
 def held_by_many(case: Case) -> Case:
     """Return a case with more fixed points: 30 by farthest point sampling, without those near the handle."""
     vertices, own = case.shape.mesh.vertices, case.held[case.handle]
@@ -203,71 +181,114 @@ def held_by_many(case: Case) -> Case:
     apart = np.linalg.norm(vertices[spread] - vertices[own], axis=1) / case.shape.mesh.diagonal
     fixed = spread[apart > AWAY].astype(np.int64)
     targets = np.concatenate([case.handle_target, vertices[fixed]])
-    return Case(case.shape, np.append(own, fixed), targets, variant=MANY)
+    return Case(case.shape, np.append(own, fixed), targets, marks=case.marks)
 
 
-def fig21(context: Context) -> Page:
-    """DFD with the fifty control points of fig9 as handles."""
-    text = (
-        f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum, even "
-        "if no handle moves. With fifty handles, this makes the shape larger. So Eq. 1 as printed cannot have made the "
-        "paper's figure, whose shapes keep their size."
-    )
-    return _compared(context, stretched(context, (1, 6)), text, all_handles=True)
+Variants = Mapping[str, tuple[Callable[[Case], Case], float]]  # for each name: a change of the case, and the ball
 
 
-def _compared(
-    context: Context,
-    cases: Iterable[Case],
-    text: str = "",
-    *,
-    ball: float = BALL,
-    weights: bool = False,
-    all_handles: bool = False,
-) -> Page:
-    """Return a page on which every method deforms every case. If a method fails, the page shows the reason.
+def same(case: Case) -> Case:
+    """Return the case itself."""
+    return case
 
-    With `all_handles`, DFD is the only method, and all held vertices are handles.
-    """
-    pictures: list[Pictures] = []
-    rows: list[Row] = []
-    for case in cases:
-        context.say(case.shape.name)
-        results: dict[str, Float64 | str] = {}  # for each method, the moved vertices (V, 3), or why it failed
-        for method in (*PRESET_OF, *(() if all_handles else COMPARED)):
-            row = {"shape": case.shape.name, "method": method} | ({"variant": case.variant} if case.variant else {})
-            try:
-                if preset := PRESET_OF.get(method):
-                    moved = pulled(context, case, preset, all_handles=all_handles).vertices
-                else:
-                    moved = deform(method, case, ball)
-                row |= measured(case, moved)
-            except (PeerError, ValueError, OSError, MemoryError) as error:
-                row["note"] = one_line(error) or type(error).__name__
-            results[method] = row["note"] or moved
-            rows.append(row)
-        name, found = drawn(context, case, results, weights=weights)
-        pictures.append((f"{name}, {case.variant}" if case.variant else name, found))
-    return Page(f"{text}\n\n{LEGEND}".lstrip(), pictures, rows)
+
+@dataclass(frozen=True)
+class Comparison:
+    """The jobs of one page, on which every method deforms every case. If a method fails, the page shows the reason."""
+
+    title: str
+    cases: Callable[[Context, tuple[int, int]], Iterator[Case]]
+    most: tuple[int, int]  # largest number of cases in a quick and in a full run
+    variants: Variants = field(default_factory=lambda: {"": (same, BALL)})
+    text: str = ""
+    weights: bool = False  # whether DFD's weights are drawn
+    all_handles: bool = False  # whether DFD is the only method, and all held vertices are handles
+
+    def __call__(self, context: Context) -> Page:
+        """Deform all cases, draw the results, and fill the table."""
+        pictures: list[Pictures] = []
+        rows: list[Row] = []
+        for base in self.cases(context, self.most):
+            for variant, (change, ball) in self.variants.items():
+                case = change(base)
+                context.say(f"{case.shape.name} {variant}")
+                results: dict[str, Float64 | str] = {}  # for each method, the moved vertices (V, 3), or why it failed
+                for method in (*PRESET_OF, *(() if self.all_handles else (*COMPARED, *context.methods))):
+                    row = {"shape": case.shape.name, "method": method, **({"variant": variant} if variant else {})}
+                    try:
+                        if preset := PRESET_OF.get(method):
+                            moved = pulled(context, case, preset, all_handles=self.all_handles).vertices
+                        else:
+                            moved = deform(context, method, case, ball)
+                        row |= measured(case, moved)
+                    except (PeerError, ValueError, OSError, MemoryError) as error:
+                        row["note"] = one_line(error) or type(error).__name__
+                    results[method] = row["note"] or moved
+                    rows.append(row)
+                name, found = drawn(context, case, results, weights=self.weights)
+                pictures.append((f"{name}, {variant}" if variant else name, found))
+        return Page(f"{self.text}\n\n{LEGEND}".lstrip(), pictures, rows)
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
     """Return the columns that `LEGEND` explains, for `moved` vertices (V, 3), and a note if the result is too large."""
-    diagonal = case.shape.mesh.diagonal
-    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / diagonal
+    mesh, handle = case.shape.mesh, case.held[case.handle]
+    length = float(np.linalg.norm(case.handle_target - mesh.vertices[handle]))
+    follows = np.linalg.norm(moved - mesh.vertices, axis=1) / length
+    size = float(np.linalg.norm(np.ptp(moved, axis=0))) / mesh.diagonal
+    unlike = [case.shape.at(place) for place in case.marks.unlike] if case.marks else []
     return {
-        "handle error %": 100 * float(np.linalg.norm(moved[case.held[case.handle]] - case.handle_target)) / diagonal,
-        "fixed points move %": _motion_of_fixed(case, moved),
-        **surface_metrics(case.shape.mesh, moved),
+        "handle error %": 100 * float(np.linalg.norm(moved[handle] - case.handle_target)) / mesh.diagonal,
+        "agreement %": agreement(mesh, case.marks, follows),
+        "unrelated places move %": 100 * float(follows[unlike].mean()) if unlike else None,
+        "fixed points move %": 100 * float(follows[case.fixed].mean()) if len(case.fixed) else None,
+        "gap %": contact_gap(mesh, moved),
+        "asymmetry %": asymmetry(mesh, moved),
+        **surface_metrics(mesh, moved),
         "size": size,
         "note": f"too large: {size:.3g} times the shape's diagonal" if size > EXPLODED else "",
     }
 
 
-def _motion_of_fixed(case: Case, moved: Float64) -> float | None:
-    """Return the mean motion of the other methods' fixed points, in % of the handle's motion; None without any."""
-    if len(case.fixed) == 0:
-        return None
-    before, handle = case.shape.mesh.vertices, case.held[case.handle]
-    length = float(np.linalg.norm(case.handle_target - before[handle]))
-    return 100 * float(np.linalg.norm(moved[case.fixed] - before[case.fixed], axis=1).mean()) / length
+JOBS = {
+    "fig8": Comparison(
+        "Translation of one handle by DFD, with its weights, and by methods that need fixed points.",
+        pulls,
+        (2, 6),
+        weights=True,
+    ),
+    "fig9": Comparison(
+        "Deformation by fifty control points, as in DeepMetaHandles; DFD uses only the one that moves farthest.",
+        stretched,
+        (1, 3),
+        {"": (same, 0.0)},
+        DENSE_TEXT,
+    ),
+    "fig14": Comparison(
+        "Translation of one handle by DFD and by other methods, which also constrain vertices near their handles.",
+        pulls,
+        (2, 10),
+    ),
+    "fig15": Comparison(
+        "Translation of one handle; the other methods constrain points with and without the vertices near them.",
+        pulls,
+        (2, 10),
+        {WITH_BALL: (same, BALL), WITHOUT_BALL: (same, 0.0)},
+    ),
+    "fig16": Comparison("The deformations of fig9, on more shapes.", stretched, (2, 12), {"": (same, 0.0)}, DENSE_TEXT),
+    "fig21": Comparison(
+        "DFD with the fifty control points of fig9 as handles.",
+        stretched,
+        (1, 6),
+        {"": (same, 0.0)},
+        f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum, even "
+        "if no handle moves.",
+        all_handles=True,
+    ),
+    "fig22": Comparison(
+        "Distortion of the surface by every method: change of area, angles, edges and volume, as in Implicit-ARAP.",
+        connected,
+        (6, 8),
+        {FEW: (same, BALL), MANY: (held_by_many, BALL)},
+    ),
+}

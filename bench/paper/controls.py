@@ -1,5 +1,7 @@
 """Pages that show edits (Fig. 1 to 3), symmetry (Fig. 5), fixed points (Fig. 6) and locality (Fig. 7)."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,35 +9,21 @@ import numpy as np
 import dfd
 from bench.paper.distortion import surface_metrics
 from bench.paper.page import Page, Row, following, gallery
-from bench.paper.subjects import PULLS, BoxHandle, Context, Subject, pulls_of
+from bench.paper.subjects import CASES, MIRRORED, Context, Subject, pulls_of
+from bench.quality.measures import area_fractions
+from dfd.common.linear_algebra import Bool
 from dfd.editing.presets import PRESETS as DEFAULTS
 
-# The fixed point is on a part that moves with the handle's part if it is free, so that Eq. 6 has something to hold.
-SWING = (-40, 0, 0)
-TWISTS = {
-    "quadruped": BoxHandle((0.2, 0.0, 0.85), rotation=SWING, pivot=(0.5, 0.55, 0.75), fixed=((0.2, 0.0, 0.1),)),
-    "spot": BoxHandle((0.2, 0.0, 0.2), rotation=SWING, pivot=(0.5, 0.4, 0.25), fixed=((0.2, 0.0, 0.8),)),
-    "robot": BoxHandle((0.5, 0.62, 1.0), rotation=(0, 50, 0), pivot=(0.5, 0.5, 0.5), fixed=((0.25, 0.0, 1.0),)),
-}
-SIMILAR = 0.5  # A vertex is similar to a fixed point if a handle at this point gives it at least this weight (Eq. 4).
+FREE, FIXED = "free", "fixed"
+# Similar vertices are those of the SIMILAR of the area, about that of a foot, with the features nearest to the fixed
+# point's that are nearer to these than to the handle's. They are at least APART × the diagonal away from the point.
+SIMILAR, APART = 0.02, 0.15
 
-TURNS = {
-    "spot": BoxHandle((0.3, 1.0, 0.15), rotation=(0, 0, 30), pivot=(0.45, 0.88, 0.2), azimuth=150),
-    "koala": BoxHandle((0.0, 0.95, 0.75), rotation=(0, 0, 35), pivot=(0.5, 0.6, 0.7), azimuth=35),
-    "quadruped": BoxHandle((0.3, 1.0, 0.9), rotation=(0, 0, 40), pivot=(0.5, 0.72, 0.8), azimuth=35),
-}
 LOCALITIES = (0, 2, 8, 32)
-FOLLOWS = 0.1  # A vertex follows the handle if its weight is above this.
 
 SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
 POSED = pulls_of("posed robot", "scorpion", "human_neutral", "koala", "spot")
 HALF = 0.5  # A vertex counts in Fig. 3 if its weight is above this.
-AFFINE = {
-    "scorpion": BoxHandle((0.0, 0.2, 1.0), scale=(1.5, 1.5, 1.5), locality=1.0),
-    "kaykit_chair_A": BoxHandle((0.5, 1.0, 0.1), rotation=(-25, 0, 0), pivot=(0.5, 0.5, 0.15)),
-    "human_neutral": BoxHandle((0.5, 1.0, 0.5), scale=(1.4, 1.4, 1.4), pivot=(0.5, 0.85, 0.5)),
-    **TURNS,
-}
 
 
 def fig1(context: Context) -> Page:
@@ -54,23 +42,28 @@ def fig2(context: Context) -> Page:
         mesh = subject.shape.mesh
         return {"flipped %": 100 * surface_metrics(mesh, session.vertices)["flipped faces"] / len(mesh.faces)}
 
-    subjects = context.subjects(AFFINE, (3, 6), refined=True)
+    subjects = context.subjects(CASES["affine"], (4, 4), refined=True)
     return gallery(subjects, lambda subject: {"edit": subject.pull()}, flipped)
 
 
 def fig3(context: Context) -> Page:
     """Translations by one handle, with its weights."""
     return gallery(
-        context.subjects(PULLS, (3, 10), refined=True),
+        context.subjects(CASES["pulls"], (4, 10), refined=True),
         lambda subject: {"edit": subject.pull()},
         lambda _, session, __: {"follows %": following(session, HALF)},
-        f"The table has the percentage of the surface area with a weight above {HALF}. The handle's own weight is 1, "
-        "so it reaches its target by definition.",
+        f"follows: percentage of the surface area with a weight above {HALF}.",
     )
 
 
 def fig5(context: Context) -> Page:
     """Planes of visual symmetry, and a translation of one handle with and without such a plane."""
+
+    def subjects() -> Iterator[Subject]:
+        for subject in context.subjects(POSED, (2, 5), refined=True):
+            yield subject
+            if subject.preset == "paper":
+                yield replace(subject, name=MIRRORED, field=context.field(subject.shape, "paper", mirrored=True))
 
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         if plane := session.symmetry:
@@ -89,7 +82,7 @@ def fig5(context: Context) -> Page:
         "plane is accepted, the score is that of the best coordinate plane. The first picture colors the two sides."
     )
     return gallery(
-        context.subjects(POSED, (2, 5), refined=True),
+        subjects(),
         lambda subject: {"one handle": subject.pull(), "with a plane": subject.pull(symmetric=True)},
         score,
         text,
@@ -105,29 +98,49 @@ def fig6(context: Context) -> Page:
 
     def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
-        similar = dfd.bind(subject.field.features(mesh), held(subject))[:, 0] >= SIMILAR
         lengths = 100 * np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
-        sets = {"similar vertices move %": similar, "other vertices move %": ~similar}
-        return {name: float(lengths[each].mean()) for name, each in sets.items() if each.any()}
+        similar = similar_to(subject, held(subject)[0])
+        return {"similar vertices move %": float(lengths[similar].mean()) if similar.any() else None}
 
     text = (
-        "The table has the mean motion of vertices, in % of the diagonal. Vertices are similar to the fixed point if a "
-        f"handle at this point would give them a weight of at least {SIMILAR}. With dfd's default, handles reach their "
-        "targets despite fixed points. With the paper preset, they do not."
+        "The table has the mean motion of similar vertices, in % of the diagonal. Similar vertices are those of the "
+        f"{SIMILAR:.0%} of the area whose features, before any constraint, are nearest to the fixed point's, and "
+        f"nearer to these than to the handle's. They lie at least {APART:.0%} of the diagonal away from the point."
     )
     return gallery(
-        context.subjects(TWISTS, (2, 3)),
-        lambda subject: {"free": subject.pull(), "fixed": subject.pull(fixed=held(subject))},
+        context.subjects(CASES["twists"], (2, 3)),
+        lambda subject: {FREE: subject.pull(), FIXED: subject.pull(fixed=held(subject))},
         moved,
         text,
     )
 
 
+def similar_to(subject: Subject, vertex: int) -> Bool:
+    """Return the mask (V,) of the vertices that look like `vertex`, see `SIMILAR`."""
+    mesh = subject.shape.mesh
+    features = subject.field.features(mesh)
+    off, off_handle = (
+        np.linalg.norm(features - features[at], axis=1) for at in (vertex, subject.case.on(subject.shape)["at"])
+    )
+    apart = np.linalg.norm(mesh.vertices - mesh.vertices[vertex], axis=1) >= APART * mesh.diagonal
+    order = np.flatnonzero(apart)[off[apart].argsort(kind="stable")]
+    nearest = np.zeros(len(off), bool)
+    nearest[order[area_fractions(mesh)[order].cumsum() <= SIMILAR]] = True
+    return nearest & (off < off_handle)
+
+
 def fig7(context: Context) -> Page:
     """Locality (Eq. 7): one rotation with increasing λ."""
+
+    def related(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
+        return {
+            "related places follow %": 100
+            * float(session.following[list(map(subject.shape.at, subject.case.like)), 0].mean())
+        }
+
     return gallery(
-        context.subjects(TURNS, (1, 2)),
+        context.subjects(CASES["turns"], (2, 3)),
         lambda subject: {f"λ = {each}": subject.pull({"locality": each}) for each in LOCALITIES},
-        lambda _, session, __: {"follows %": following(session, FOLLOWS)},
-        f"The table has the percentage of the surface area with a weight above {FOLLOWS}.",
+        related,
+        "related places follow: mean weight at marked places that look like the handle's, such as the other horn.",
     )

@@ -1,17 +1,24 @@
-"""Measure the distortion of a deformed surface, as in Fig. 22: area, angles, edges, volume, flipped faces."""
+"""Measure a deformed surface: its distortion as in Fig. 22, gaps between its components, and its asymmetry."""
 
 import igl
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
 from dfd.common.normals import face_normals
-from dfd.geometry.topology import face_areas, face_sides, first_at_place
+from dfd.geometry.topology import even_points, face_areas, face_components, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
 
 FOLD = -0.5  # A face is folded if the cosines between its normal and its neighbors' normals sum to less than this.
+
+CONTACT = 0.005  # Components touch where a surface sample of one is nearer to the other; a fraction of the diagonal.
+SAMPLES = 20_000  # number of surface samples for contacts
+SYMMETRIC = (
+    0.01  # A shape at rest is symmetric if mirror images are off the vertices by less; a fraction of the diagonal.
+)
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
@@ -45,6 +52,47 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
         "volume %": 100 * float(after.volume / resting.volume - 1) if closed else None,
         "flipped faces": int((moved_folded & ~folded).sum()),
     }
+
+
+def contact_gap(mesh: Mesh, vertices: NDArray[np.floating]) -> float | None:
+    """Return the largest gap that opens where components of `mesh` touch, if its vertices move to `vertices` (V, 3).
+
+    A gap is the distance between the displacements of two touching points, in % of the largest displacement of a
+    vertex. None: no components touch.
+    """
+    faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
+    corners, shares = even_points(mesh.vertices, faces.astype(np.int32), SAMPLES)
+    points, moves = np.einsum("nk,nkd->nd", shares, mesh.vertices[corners]), vertices - mesh.vertices
+    of_face, gaps = face_components(faces.astype(np.int32)), []
+    of_vertex = np.full(len(mesh.vertices), -1)
+    of_vertex[faces] = of_face[:, None]
+    for component in np.unique(of_face) if of_face.max(initial=0) else ():
+        own, others = of_vertex[corners[:, 0]] == component, faces[of_face != component]
+        squared, hit, closest = igl.point_mesh_squared_distance(points[own], mesh.vertices, others)
+        near = squared < (CONTACT * mesh.diagonal) ** 2
+        there = others[hit[near]]
+        at = igl.barycentric_coordinates(closest[near], *(np.ascontiguousarray(mesh.vertices[c]) for c in there.T))
+        here = np.einsum("nk,nkd->nd", shares[own][near], moves[corners[own][near]])
+        gaps.append(np.linalg.norm(here - np.einsum("nk,nkd->nd", at, moves[there]), axis=1).max(initial=-1.0))
+    largest = max(gaps, default=-1.0)
+    return None if largest < 0 else 100 * float(largest / max(np.linalg.norm(moves, axis=1).max(), 1e-300))
+
+
+def asymmetry(mesh: Mesh, vertices: NDArray[np.floating]) -> float | None:
+    """Return how far the displacements to `vertices` (V, 3) are from being mirror images: 0 % to 100 % on average.
+
+    A displacement is compared with that of the vertex nearest to the mirror image at rest. 0: both sides move alike;
+    100: only one side moves. The plane is that of the coordinate planes through the center of the bounding box with the
+    lowest value, among those in which the shape at rest is symmetric. None: there is no such plane, or nothing moves.
+    """
+    moves, tree, found = vertices - mesh.vertices, KDTree(mesh.vertices), []
+    total = 2 * np.linalg.norm(moves, axis=1).sum()
+    for axis in range(3):
+        sign = np.where(np.arange(3) == axis, -1.0, 1.0)
+        off, image = tree.query((mesh.vertices - mesh.bounds.mean(axis=0)) * sign + mesh.bounds.mean(axis=0))
+        if off.mean() < SYMMETRIC * mesh.diagonal and total > 0:
+            found.append(100 * float(np.linalg.norm(moves * sign - moves[image], axis=1).sum() / total))
+    return min(found, default=None)
 
 
 def _folded(vertices: Float64, faces: NDArray[np.integer], edge: Int64) -> Bool:

@@ -1,7 +1,7 @@
 """Pages that show features: distillation (Fig. 4, 13), encoders (Fig. 11, 12), and other shapes (Fig. 19, 20)."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,13 +9,12 @@ import igl
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.paper.distortion import surface_metrics
 from bench.paper.page import Page, Pictures, Row, aim, following, gallery
-from bench.paper.subjects import NAMES, PRESETS, Context, Shape, Subject, pulls_of
+from bench.paper.subjects import CASES, NAMES, PRESETS, Context, Shape, Subject, agreement, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64
@@ -27,21 +26,19 @@ from dfd.geometry.simplify import simplify
 from dfd.geometry.topology import face_areas
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
-from dfd.views.render import Supervision, Views, render
+from dfd.views.render import render
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped"))
-LUCY = (200_000, 28_000_000)  # number of faces in a quick and in a full run; the paper's scan Lucy has 28 million
-CHUNK = 500_000  # largest number of vertices whose features are computed in one call, to limit the memory
-SUPERVISION: dict[str, Supervision] = {"pixels of vertices": "vertex", "pixels of triangles": "barycentric"}
+DETAILED = (200_000, 2_000_000)  # number of faces in a quick and in a full run of Fig. 4
 
 COARSE = 200  # number of faces of the coarse copy; each face is much larger than the details of the features
-VERTICES_ALONE = "paper preset, coarse copy, vertices alone"
+VERTICES_ALONE, ALL_PIXELS = "paper preset, coarse copy, vertices alone", "paper preset, coarse copy, all pixels"
 PULLED = pulls_of("koala", "scorpion", "human_neutral", "quadruped")
 COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
 KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # for each field of Fig. 13, the preset and the changed settings
     "paper preset, fine mesh, all pixels": ("paper", {}),
     VERTICES_ALONE: ("paper", {**COARSE_COPY, "supervision": "vertex"}),
-    "paper preset, coarse copy, all pixels": ("paper", COARSE_COPY),
+    ALL_PIXELS: ("paper", COARSE_COPY),
     "dfd default, coarse copy": ("default", COARSE_COPY),
 }
 
@@ -50,66 +47,42 @@ OTHERS = tuple(name for name in KNOWN_ENCODERS if name != DEFAULT_ENCODER)
 BLOCKS = (3, 6, 9, 12)
 HELD = pulls_of("spot", "scorpion", "human_neutral", "quadruped")
 
-# For each distilled shape: the handle's position, as fractions of the bounding box, and other shapes of its class, each
-# with an angle in degrees. Rotated about y by this angle, the other shape faces the same way as the distilled shape.
-CLASSES = {
-    "spot": ((0.2, 0.0, 0.2), {"quadruped": 180, "horse": 180, "alpaca": 180}),
-    "fox": ((0.2, 0.0, 0.8), {"wolf": 0, "horse": 0}),
-    "quadruped": ((0.2, 0.0, 0.85), {}),
+CHAIRS: dict[str, tuple[str, ...]] = {  # parts of each chair that are selected, see `CASES["parts"]`
+    "kaykit_chair_A": ("leg", "seat", "back"),
+    "chair_2": ("leg", "seat", "back"),
+    "kaykit_armchair": ("seat", "back", "arm"),
+    "couch_small1": ("leg", "seat", "back", "arm"),
+    "chair": ("leg", "seat", "back"),
+    "bench_1": ("leg", "seat", "back"),
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # translation, as a fraction of the diagonal
-
-# For each chair: the handle's position on each part, as fractions of the bounding box.
-LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.15)
-CHAIR = {"leg": LEG, "seat": SEAT, "back": BACK}
-CHAIRS = {
-    "kaykit_chair_A": CHAIR,
-    "chair_2": CHAIR,
-    "kaykit_armchair": {"seat": (0.5, 0.45, 0.8), "back": BACK, "arm": (0.08, 0.75, 0.75)},  # it has no legs
-    "couch_small1": {**CHAIR, "arm": (0.05, 0.85, 0.8)},
-    "chair": CHAIR,
-    "bench_1": {**CHAIR, "seat": (0.5, 0.45, 0.7), "arm": (0.0, 0.65, 0.7)},
-}
 FOLLOWS = 0.5  # A vertex follows the handle if its weight is above this.
 
 
 def fig4(context: Context) -> Page:
-    """A shape and its copy with 1 % of the faces: their fields, the number of training pixels, and computing times."""
+    """A shape and its copy with 1 % of the faces: their fields and pictures."""
     rows: list[Row] = []
     drawn: list[Pictures] = []
     for given, _ in context.cases(DISTILLED, (1, 2)):
-        shape = resampled(given, context.quick_or_full(LUCY))
-        mesh = shape.mesh
-        few = simplify(mesh, max(500, len(mesh.faces) // 100))
-        pixels = {"vertices": len(few.vertices)} | {
-            name: _distinct_pixels(render(few, views=8, resolution=252, framing="paper", supervision=kind))
-            for name, kind in SUPERVISION.items()
-        }
-        where = aim(mesh, np.empty((0, 3)))
-        row = [(picture(each, **where), f"{len(each.faces):,} faces") for each in (mesh, few)]
+        shape = resampled(given, context.quick_or_full(DETAILED))
+        few = simplify(shape.mesh, max(500, len(shape.mesh.faces) // 100))
+        where = aim(shape.mesh, np.empty((0, 3)))
+        row = [(picture(each, **where), f"{len(each.faces):,} faces") for each in (shape.mesh, few)]
         for preset in PRESETS:
-            begin = time.perf_counter()
-            field, distill_seconds, _ = distilled(context, shape, preset)
-            handle = field(mesh.vertices[[shape.at((0.5, 1.0, 0.5))]])
-            for some in np.array_split(mesh.vertices, len(mesh.vertices) // CHUNK + 1):
-                dfd.bind(field(some), handle)
-            seconds = {"distill s": distill_seconds, "weights s": time.perf_counter() - begin}
+            own = context.field(shape, preset)(few.vertices)
             of_few = context.field(Shape(f"{shape.name} reduced", few), preset)(few.vertices)
-            own = field(few.vertices)
             # Colors depend on the main directions of the features, so both fields must be colored together.
             colors = np.split(feature_colors(np.concatenate([own, of_few])), 2)
             for some, what in zip(colors, ("the shape", "the reduced shape"), strict=True):
                 row.append((picture(few, colors=some, **where), f"{NAMES[preset]}: field of {what}"))
-            start = {"shape": shape.name, "preset": NAMES[preset], "faces": len(mesh.faces)}
+            start = {"shape": shape.name, "method": NAMES[preset], "faces": len(shape.mesh.faces)}
             off, spread = (float(np.linalg.norm(own - other, axis=1).mean()) for other in (of_few, own.mean(axis=0)))
-            rows.append({**start, **pixels, **seconds, "mean distance": off, "spread": spread})
+            rows.append({**start, "mean distance": off, "spread": spread})
         drawn.append((shape.name, row))
     text = (
-        "The reduced shape has 1 % of the faces. The table counts its vertices. It also counts the pixels, in eight "
-        "pictures of 252² pixels, that contain a vertex or that triangles cover. The time of the weights includes the "
-        "distillation. Mean distance is the mean distance between the features of both fields at a vertex. Spread is "
-        "the mean distance of the features of the shape's field from their mean. In the paper, rendering one picture "
-        "of the scan Lucy takes 5.7 min. Simplifying Lucy to 1 % of its faces and rendering one picture takes 3.7 s."
+        "Mean distance: mean distance between the features of both fields at a vertex of the reduced shape. Spread: "
+        "mean distance of the features of the shape's field from their mean. In the paper, rendering one picture of "
+        "the scan Lucy takes 5.7 min. Simplifying it to 1 % of its faces and rendering one picture takes 3.7 s."
     )
     return Page(text, drawn, rows)
 
@@ -129,11 +102,6 @@ def resampled(shape: Shape, count: int) -> Shape:
     return Shape(shape.name, subdivided(resampled(shape, count // 4).mesh))
 
 
-def _distinct_pixels(views: Views) -> int:
-    """Return the number of pixels that contain at least one training point, summed over all pictures."""
-    return len(np.unique(np.stack([views.view, np.rint(views.row), np.rint(views.column)]), axis=1).T)
-
-
 def fig13(context: Context) -> Page:
     """Weights on a fine mesh, by fields that were trained on all pixels or only on the vertices of a coarse copy."""
 
@@ -145,24 +113,21 @@ def fig13(context: Context) -> Page:
         )
         equal = {"steps": len(whole["losses"]), "batch": round(len(pictures.points) * 2 / len(pictures.images))}
         for name, (preset, changes) in KINDS.items():
-            if name == VERTICES_ALONE:
-                changes = {**changes, **equal}
-            field = context.field(subject.shape, preset, **changes)
+            more = equal if name == VERTICES_ALONE else {}
+            field = context.field(subject.shape, preset, **changes, **more)
             sessions[name] = replace(subject, preset=preset, field=field).pull()
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, fine: dfd.Deformer) -> Row:
         mesh = subject.shape.mesh
         difference = float(area_fractions(mesh) @ np.abs(each.weights - fine.weights)[:, 0])
-        compared = {"mean difference": difference if each.preset == "paper" else None}
-        return {"roughness": roughness(mesh, each.weights[:, 0]), **compared}
+        return {"roughness": roughness(mesh, each.weights[:, 0]), "mean difference": difference}
 
     text = (
         f"The coarse copy has {COARSE} faces, which are larger than the details of the features. The fit to all its "
         "pixels and the fit to its vertices take the same number of steps, each with the same number of samples. "
-        "Roughness is the mean of |∇W| for weights "
-        "W on the fine mesh, in units of 1 / diagonal. Mean difference is the mean of |W − W₀|, where W₀ are the "
-        "weights by the field of the fine mesh (paper preset)."
+        "Roughness is the mean of |∇W| for weights W on the fine mesh, in units of 1 / diagonal. Mean difference is "
+        "the mean of |W − W₀|, where W₀ are the weights by the field of the fine mesh (paper preset)."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
@@ -173,8 +138,7 @@ def fig11(context: Context) -> Page:
     def angles(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         return {"angle °": surface_metrics(subject.shape.mesh, each.vertices)["angle °"]}
 
-    text = "The table has the mean change of the angles of faces over the surface."
-    return _encoded(context, "after", angles, text)
+    return _encoded(context, "after", angles, "The table has the mean change of the angles of faces over the surface.")
 
 
 def fig12(context: Context) -> Page:
@@ -187,10 +151,9 @@ def fig12(context: Context) -> Page:
         return {"correlation": None if each is first else found}
 
     text = (
-        "The table has the correlation of the weights with those of the first encoder, over the surface. Only the "
-        "paper preset is compared: with dfd's default, a handle's weights end at its part, for which the geometry "
-        "also counts, so that all encoders give nearly the same weights. The paper shows DINO, CLIP, SAM 2, Diff3F "
-        "and others."
+        "The table has the correlation of the weights with those of the first encoder, over the surface. With dfd's "
+        "default, a handle's weights end at its part, which depends on the geometry more than on the encoder. So only "
+        "the paper preset is compared. The paper shows DINO, CLIP, SAM 2, Diff3F and others."
     )
     return _encoded(context, "weights", correlation, text)
 
@@ -203,8 +166,11 @@ def _encoded(context: Context, shown: str, measure: Callable[..., Row], text: st
         fields = {name: context.field(subject.shape, subject.preset, encoder=model) for name, model in models.items()}
         return {name: replace(subject, field=field).pull() for name, field in fields.items()}
 
+    def named(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
+        return {"encoder": each.field.settings.get("encoder"), **measure(subject, each, first)}
+
     subjects = context.subjects(HELD, (1, 3), presets=("paper",))
-    return gallery(subjects, variants, measure, text + absent, shown=[shown])
+    return gallery(subjects, variants, named, text + absent, shown=[shown])
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], str]:
@@ -223,9 +189,10 @@ def encoders(context: Context) -> tuple[dict[str, Choice], str]:
             found[name] = (name, None)
         except (OSError, ValueError) as error:
             absent[name] = one_line(error)
-    if not absent:
-        return found, ""
-    return found, f"\n\nNot available here: {', '.join(absent)}. The first error: {next(iter(absent.values()))}"
+    if len(found) > 1 and all(each[0] == own.name for each in found.values()):
+        absent_text = f" ({next(iter(absent.values()))})" if absent else ""
+        return found, f"\n\nAll features are from blocks of one encoder: the claim is not decided.{absent_text}"
+    return found, f"\n\nNot available here: {', '.join(absent) or 'none'}."
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
@@ -240,37 +207,40 @@ def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
     return dfd.Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces))
 
 
-def fig19(context: Context) -> Page:
+def fig19(context: Context, copies: Sequence[int] = (1000, 5000)) -> Page:
     """Weights by one field, on other tessellations of its shape and on other shapes of the same class."""
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
-        shape, field, (place, others) = subject.shape, subject.field, subject.case
-        copies = [shape.mesh, *(simplify(shape.mesh, count) for count in (1000, 5000)), subdivided(shape.mesh)]
-        known = [name for name in others if name in context.files or name == "quadruped"]
-        meshes = {f"{len(each.faces):,} faces": each for each in copies}
-        meshes.update({name: turned(context.shape(name), others[name]) for name in known})
-        held, sessions = field(shape.mesh.vertices[[shape.at(place)]]), {}
-        for name, mesh in meshes.items():
+        shape, field, others = subject.shape, subject.field, subject.case.others
+        meshes = [shape.mesh, *(simplify(shape.mesh, count) for count in copies), subdivided(shape.mesh)]
+        named = {f"{len(each.faces):,} faces": each for each in meshes}
+        known = [name for name in others if name in context.files or name in context.made]
+        named.update({name: turned(context.shape(name), others[name]) for name in known})
+        held, sessions = field(shape.mesh.vertices[[shape.at(subject.case.at)]]), {}
+        for name, mesh in named.items():
             features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
             handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
             sessions[name] = replace(subject, shape=Shape(name, mesh)).session([handle], features=features)
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
-        mesh, weights, difference = each.mesh, each.weights[:, 0], None
-        distance, nearest = KDTree(mesh.vertices).query(first.mesh.vertices)
-        if each is not first and distance.max() < 0.1 * mesh.diagonal:  # another tessellation of the same shape
-            difference = float(np.abs(weights[nearest] - first.weights[:, 0]).mean())
-        follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
-        return {"faces": len(mesh.faces), "follows %": follows, "mean difference": difference}
+        alike, area = (agreement(each.mesh, subject.case, each.following[:, 0]), following(each, FOLLOWS))
+        if each is first:
+            return {"agreement %": alike, "follows %": area}
+        # Another tessellation encloses the same volume in the same box.
+        copy = np.allclose(each.mesh.bounds, first.mesh.bounds, atol=0.05 * first.mesh.diagonal)
+        own = following(first, FOLLOWS)
+        areas = {"area, larger / smaller": max(area, own) / max(min(area, own), 1e-9)} if copy else {}
+        return {"follows %": area, f"agreement of {'copies' if copy else 'other shapes'} %": alike, **areas}
 
     text = (
         "For another tessellation, the field is evaluated at its vertices. Another shape of the class is first rotated "
         "to face the same direction, and scaled into the bounding box of the distilled shape. Its handle is the vertex "
-        "with the feature most similar to the feature of the first handle. The table has the percentage of the surface "
-        f"area with a weight above {FOLLOWS}, and the mean difference from the weights on the first mesh."
+        "with the feature most similar to the feature of the first handle. follows: percentage of the area with "
+        f"a weight above {FOLLOWS}. area: this percentage on the copy and on the first mesh, the larger divided by the "
+        "smaller."
     )
-    return gallery(context.subjects(CLASSES, (1, 2)), variants, measure, text)
+    return gallery(context.subjects(CASES["classes"], (1, 2)), variants, measure, text)
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
@@ -286,13 +256,20 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
 
 def fig20(context: Context) -> Page:
     """Weights of handles on the same parts of different shapes of one class."""
+
+    def selected(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
+        [handle] = each.handles
+        case = CASES["parts"][handle.name]
+        return {"agreement %": agreement(each.mesh, case, each.following[:, 0]), "follows %": following(each, FOLLOWS)}
+
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),
         lambda subject: {
-            part: subject.session([{"at": subject.shape.at(place)}]) for part, place in subject.case.items()
+            part: subject.session([{"at": subject.shape.at(CASES["parts"][part].at), "name": part}])
+            for part in subject.case
         },
-        lambda _, each, __: {"follows %": following(each, FOLLOWS)},
-        f"The table has the percentage of the surface area with a weight above {FOLLOWS}, for a handle on each part.",
+        selected,
+        f"follows: percentage of the surface area with a weight above {FOLLOWS}, for a handle on each part.",
         shown=["weights"],
         azimuth=35.0,
     )

@@ -1,6 +1,7 @@
-"""List the claims of each figure and table of the paper, and the numbers that show whether our results are alike.
+"""List the figures and tables of the paper: how each page is made, the paper's claims, and our bounds.
 
-All bounds are our choice, except ε = 0.1 in Fig. 5.
+All bounds are our choice, except ε = 0.1 in Fig. 5. Each claim is judged for both presets. Where a page has marked
+places, a claim holds only if these places follow as they should (`bench.paper.page.ALIKE`).
 """
 
 from collections.abc import Callable, Sequence
@@ -8,304 +9,371 @@ from typing import Any
 
 import numpy as np
 
-from bench.paper import comparisons, controls, features, resolution
-from bench.paper.page import Claim, Page, Row, Rule
-from bench.paper.subjects import NAMES, Context
+from bench.paper import controls, features, resolution
+from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL
+from bench.paper.page import ALIKE, Claim, Figure, Row, Rule
+from bench.paper.resolution import FORWARD, LUCY, PHASES, TIMED_PEERS, of_count
 
-OURS = NAMES["paper"]
+METRICS = ("area %", "angle °", "edge %", "volume %")
+SHAPES = 6  # smallest number of shapes for a claim of Fig. 22
+BIHARMONIC_FAILS = 1e5  # number of faces above which the paper's biharmonic coordinates fail
+GROWS_LESS = 0.1  # a power of growth is lower than another if it is at least this much lower
+ORDERS = 100  # the paper says that DFD binds new handles several orders of magnitude faster
+NAN = float("nan")
+
+
+def values(rows: Sequence[Row], name: str, noted: bool = False, **where: Any) -> list[float]:
+    """Return the values of column `name` in the rows whose other columns have the values `where`.
+
+    If `noted`, also of results that are too large to be drawn.
+    """
+    fitting = (row for row in rows if all(row.get(key) == each for key, each in where.items()))
+    return [row[name] for row in fitting if row.get(name) is not None and (noted or not row.get("note"))]
+
+
+def over(dividend: float, divisor: float) -> float:
+    """Return the quotient of two numbers, of which the divisor may be 0."""
+    return dividend / max(divisor, 1e-9)
 
 
 def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> Rule:
-    """Return a rule that applies `reduce` to column `name` of the rows whose other columns have the values `where`."""
+    """Return a rule that applies `reduce` to the values of our method in column `name`."""
 
-    def number(rows: Sequence[Row]) -> float:
-        fitting = [row for row in rows if all(row.get(key) in np.atleast_1d(each) for key, each in where.items())]
-        found = [row[name] for row in fitting if row.get(name) is not None]
-        return float(reduce(found)) if found else float("nan")
+    def number(rows: Sequence[Row], own: str) -> float:
+        found = values(rows, name, method=own, **where)
+        return float(reduce(found)) if found else NAN
 
     return number
 
 
-def ratio(name: str, dividend: dict[str, Any], divisor: dict[str, Any]) -> Rule:
-    """Return a rule: mean of column `name` over rows with `dividend`, divided by its mean over rows with `divisor`."""
-    return lambda rows: column(name, **dividend)(rows) / max(column(name, **divisor)(rows), 1e-9)
+def ratio(first: Rule, second: Rule, least: float = 0.0) -> Rule:
+    """Return a rule: the quotient of two rules; NaN if the second number is below `least`."""
+
+    def number(rows: Sequence[Row], own: str) -> float:
+        divisor = second(rows, own)
+        return over(first(rows, own), divisor) if divisor >= least else NAN
+
+    return number
 
 
 def spread(found: Any) -> float:
-    """Return the largest of the values `found` divided by the smallest."""
-    return float(max(found) / max(min(found), 1e-9))
+    """Return the largest of the values `found`, divided by the smallest; NaN for a single value."""
+    return float(over(max(found), min(found))) if len(found) > 1 else NAN
 
 
-def relative(name: str, divisor: str, **where: Any) -> Rule:
-    """Return a rule: mean of column `name` divided by the mean of column `divisor`, over rows with `where`."""
-    return lambda rows: column(name, **where)(rows) / max(column(divisor, **where)(rows), 1e-9)
+def magnitude(found: Any) -> float:
+    """Return the median magnitude of the values `found`."""
+    return float(np.median(np.abs(found)))
 
 
-def held(rows: Sequence[Row]) -> float:
-    """Return the motion of similar parts in `fig6`, fixed / free; NaN if they hardly move when they are free."""
-    free = column(MOTION, **FREE)(rows)
-    return ratio(MOTION, FIXED, FREE)(rows) if free >= LEAST_MOTION else float("nan")
+def against(name: str, *peers: str, reduce: Callable[[Any], Any] = max, shapes: int = 1, **where: Any) -> Rule:
+    """Return a rule: the median magnitude of column `name` by our method, divided by that of each of `peers`.
 
-
-def growth(phase: str) -> Rule:
-    """Return a rule: the power of the number of faces with which the seconds of `phase` grow, for the paper's preset.
-
-    The power is that between the smallest and the largest meshes; below 1, the time is sublinear.
+    Each peer is compared on the shapes on which it gives a result. `reduce` gives one number for all peers. The number
+    is NaN with fewer than `shapes` shapes.
     """
 
-    def power(rows: Sequence[Row]) -> float:
-        faces = [row["faces"] for row in rows if row.get("method") == OURS and row.get(phase)]
-        if not faces or max(faces) == min(faces):
-            return float("nan")
-        ends = [column(phase, method=OURS, faces=[each])(rows) for each in (min(faces), max(faces))]
-        return float(np.log(ends[1] / ends[0]) / np.log(max(faces) / min(faces)))
+    def number(rows: Sequence[Row], own: str) -> float:
+        found = []
+        for peer in peers:
+            common = [r["shape"] for r in rows if r["method"] == peer and r.get(name) is not None and not r.get("note")]
+            some = [row for row in rows if row["shape"] in common]
+            both = [values(some, name, method=each, **where) for each in (own, peer)]
+            if all(both) and len(set(common)) >= shapes:
+                found.append(over(*map(magnitude, both)))
+        return float(reduce(found)) if len(found) == len(peers) else NAN
 
-    return power
-
-
-def slowest_phase(rows: Sequence[Row]) -> float:
-    """Return the largest quotient of the seconds of DFD and of a method in `fig10`, over phases, methods and sizes."""
-    found = []
-    for row in rows:
-        if row.get("method") in resolution.TIMED_PEERS:
-            own = {"shape": row["shape"], "faces": [row["faces"]], "method": OURS}
-            found += [column(phase, **own)(rows) / row[phase] for phase in resolution.PHASES if row.get(phase)]
-    return max(found, default=float("nan"))
+    return number
 
 
-def at_fewest_faces(rows: Sequence[Row]) -> float:
-    """Return the seconds of all phases by DFD divided by those by biharmonic coordinates, on the smallest meshes."""
+def distorts_more(peer: str, variant: str) -> Rule:
+    """Return a rule: the least quotient of a measure of distortion by our method and by `peer`, over `METRICS`."""
+
+    def number(rows: Sequence[Row], own: str) -> float:
+        return float(np.min([against(each, peer, shapes=SHAPES, variant=variant)(rows, own) for each in METRICS]))
+
+    return number
+
+
+def growth(rows: Sequence[Row], method: str, phase: str, sizes: Sequence[int]) -> float:
+    """Return the power of the number of faces with which the seconds of `phase` grow: a line fitted to logarithms."""
+    found = [(n, t) for n in sizes for t in values(rows, phase, method=method, faces=n)]
+    return float(np.polyfit(*np.log(found).T, 1)[0]) if len({n for n, _ in found}) > 1 else NAN
+
+
+def sizes_of(rows: Sequence[Row], method: str, phase: str) -> list[int]:
+    """Return the numbers of faces at which `method` has seconds of `phase`."""
+    return sorted({row["faces"] for row in rows if row["method"] == method and row.get(phase)})
+
+
+def power(phase: str) -> Rule:
+    """Return a rule: the power of growth of our seconds; below 1, the time is sublinear."""
+    return lambda rows, own: growth(rows, own, phase, sizes_of(rows, own, phase))
+
+
+def steeper(phase: str) -> Rule:
+    """Return a rule: our power of growth less that of the method that grows least, on the sizes that it reaches."""
+
+    def number(rows: Sequence[Row], own: str) -> float:
+        found = []
+        for peer in TIMED_PEERS:
+            sizes = sizes_of(rows, peer, phase)
+            found.append(growth(rows, own, phase, sizes) - growth(rows, peer, phase, sizes))
+        return max((each for each in found if np.isfinite(each)), default=NAN)
+
+    return number
+
+
+def at_fewest_faces(rows: Sequence[Row], own: str) -> float:
+    """Return our seconds of all phases divided by those of biharmonic coordinates, on the smallest meshes."""
     few = min((row["faces"] for row in rows), default=0)
-    own, other = (
-        [column(phase, method=method, faces=[few])(rows) for phase in resolution.PHASES]
-        for method in (OURS, "biharmonic")
+    ours, others = (
+        sum(np.mean(values(rows, phase, method=method, faces=few) or [NAN]) for phase in PHASES)
+        for method in (own, "biharmonic")
     )
-    return sum(own) / sum(other)
+    return over(ours, others)
 
 
-def most_faces(method: str) -> Rule:
-    """Return a rule: the largest number of faces at which `method` gave a result; NaN if no mesh has more than 10⁵."""
+def most_faces(rows: Sequence[Row], own: str) -> float:
+    """Return the largest number of faces at which biharmonic coordinates gave a result; NaN if no mesh has > 10⁵."""
+    tried = max((row["faces"] for row in rows if row["method"] == own), default=0)
+    return float(max(sizes_of(rows, "biharmonic", "bind s"), default=0)) if tried > 1.5 * BIHARMONIC_FAILS else NAN
 
-    def number(rows: Sequence[Row]) -> float:
-        done = [row["faces"] for row in rows if row.get("method") == method and row.get("bind s") is not None]
-        tried = max((row["faces"] for row in rows), default=0)
-        return float(max(done, default=0)) if tried > FAILING else float("nan")
+
+def at_lucy(rows: Sequence[Row], own: str) -> float:
+    """Return the largest "R + T s" on meshes of the size of the scan Lucy; NaN without such a mesh."""
+    found = [s for r in rows for s in values([r], "R + T s", method=own) if r["faces"] > 0.9 * LUCY]
+    return max(found, default=NAN)
+
+
+def of_encoders(rule: Rule) -> Rule:
+    """Return `rule`, or NaN if all features come from blocks of one encoder."""
+    return lambda rows, own: rule(rows, own) if len({row.get("encoder") for row in rows}) > 1 else NAN
+
+
+def speedup(count: int, how: str) -> Rule:
+    """Return a rule: the seconds of OptCtrlPoints divided by ours, for `count` handles on the most nodes."""
+
+    def number(rows: Sequence[Row], own: str) -> float:
+        name, most = of_count(count), max((row["nodes"] for row in rows if row.get("nodes")), default=0)
+        both = (
+            values(rows, name, method=m, nodes=most, **w) for m, w in (("OptCtrlPoints", {}), (own, {"variant": how}))
+        )
+        theirs, ours = (float(np.median(each or [NAN])) for each in both)
+        return theirs / ours
 
     return number
 
 
-# Conditions that select rows. Rows with a note are skipped: a method failed, or its result is too large.
-DFD = {"method": OURS}
-FREE, FIXED, FAR, WIDE = ({"preset": OURS, "variant": each} for each in ("free", "fixed", "λ = 32", "λ = 0"))
-PIXELS, VERTICES = ({"variant": name} for name in ("paper preset, coarse copy, all pixels", features.VERTICES_ALONE))
-PLANE, FLIPPED = "shapes with a plane, %", "faces flipped by DFD, %"
-MOTION, LEAST_MOTION = "similar vertices move %", 0.5  # in % of the diagonal
-FAILING = 1e5  # number of faces above which the paper's biharmonic coordinates fail
-ORDERS = 100  # the paper says that DFD binds new handles several orders of magnitude faster
-METRICS = ("area %", "angle °", "edge %", "volume %")
-ENCODER = "our encoder, at the same place of a picture, gives different features to left and right."
-HARDWARE = "two cores instead of an NVIDIA A40."
-CONSTRAINTS = {
-    comparisons.FEW: "three or four fixed points hold the shape loosely, so the other method shears it as a whole. "
-    "With 26 to 30 fixed points, it shears less.",
-    comparisons.MANY: "between its fixed points, the other method changes the surface about as much as DFD.",
-}
-EQUATION = (
-    "the weights of a vertex sum to more than 1, and Eq. 1 multiplies its position by the sum. So Eq. 1 as printed "
-    "cannot have made the paper's figure."
-)
+def least_ticks(rows: Sequence[Row], own: str) -> float:
+    """Return the least share of ticks as in the paper, over our method and the others."""
+    found = (values(rows, "as in the paper, %", method=method) for method in (own, *TIMED_PEERS))
+    return min((each for some in found for each in some), default=NAN)
 
 
-def against(metric: str, method: str, **where: Any) -> Rule:
-    """Return a rule: the mean of |`metric`| by DFD divided by that by `method`, over shapes on which `method` works.
-
-    Only rows whose columns have the values `where` count.
-    """
-
-    def magnitude(found: Any) -> Any:
-        return np.abs(found).mean()
-
-    def number(rows: Sequence[Row]) -> float:
-        some = [row for row in rows if all(row.get(key) == value for key, value in where.items())]
-        shapes = [row["shape"] for row in some if row.get("method") == method and not row.get("note")]
-        own, other = (column(metric, magnitude, method=each, shape=shapes)(some) for each in (OURS, method))
-        return own / max(other, 1e-9)
-
-    return number
+ENCODER = "at the same place of a picture, our encoder gives different features to left and right"
+HARDWARE = "two cores instead of an NVIDIA A40"
+STRETCHES = "DFD stretches whole parts, and the other methods spread the stretch over the shape"
+RIGHT_PAIRS = "pairs of marked places in the right order, %"
 
 
-def smooth(*methods: str) -> tuple[Claim, ...]:
-    """Return for each of `methods` the claim that DFD changes angles at most as much."""
-    return tuple(
-        Claim(
-            "as smooth as biharmonic" if method == "biharmonic" else "smoother and less global",
-            f"angle change, DFD / {method}",
-            against("angle °", method),
-            most=1,
-            cause="DFD stretches whole parts, and the other methods spread the stretch over the shape.",
-        )
-        for method in methods
-    )
+def high(paper: str, measured: str, number: Rule, least: float, marked: bool = True) -> Claim:
+    """Return a claim that holds for numbers of at least `least`."""
+    return Claim(paper, measured, number, least=least, marked=marked)
 
 
-def rebind(count: int, how: str, paper: str) -> Claim:
-    """Return the claim that DFD binds `count` new handles faster than OptCtrlPoints."""
-    measured = f"seconds for {count} handle{'s' * (count > 1)}, OptCtrlPoints / DFD ({how})"
-    return Claim(paper, measured, resolution.speedup(count, how), ORDERS, cause=HARDWARE)
+def low(paper: str, measured: str, number: Rule, most: float, marked: bool = True) -> Claim:
+    """Return a claim that holds for numbers of at most `most`."""
+    return Claim(paper, measured, number, most=most, marked=marked)
 
 
-FIGURES: dict[str, tuple[Claim, ...]] = {
-    "fig1": (
-        Claim("a plane of symmetry for every shape", PLANE, column("plane found %", preset=OURS), 100, cause=ENCODER),
+def of_variants(name: str, first: str, second: str, least: float = 0.0) -> Rule:
+    """Return a rule: the mean of column `name` in rows with the variant `first`, divided by that with `second`."""
+    return ratio(column(name, variant=first), column(name, variant=second), least)
+
+
+def degenerates(peer: str) -> Claim:
+    """Return the claim of Fig. 15 that `peer` fails if it constrains only points."""
+    both = (column("edge %", magnitude, noted=True, variant=each) for each in (WITHOUT_BALL, WITH_BALL))
+    rule = ratio(*both)
+    said = f"change of edges by {peer}, points only / with a ball"
+    return high(f"{peer} degenerates without a ball", said, lambda rows, _: rule(rows, peer), 2)
+
+
+SMOOTH = [
+    low("as smooth as biharmonic", "angle change, DFD / biharmonic", against("angle °", "biharmonic"), 1),
+    low("more structure-aware", "asymmetry, DFD / biharmonic", against("asymmetry %", "biharmonic"), 1),
+]
+FIGURES: dict[str, Figure] = {
+    "fig1": Figure(
+        controls.fig1,
+        [
+            high(
+                "a plane of symmetry for every shape",
+                "shapes with a plane, %",
+                column("plane found %"),
+                100,
+                marked=False,
+            )
+        ],
+        ENCODER,
     ),
-    "fig2": (Claim("plausible pictures", FLIPPED, column("flipped %", preset=OURS), most=1),),
-    "fig3": (
-        Claim(
-            "edits propagate to related parts",
-            "area that follows by more than half, %",
-            column("follows %", preset=OURS),
-            most=50,
-            cause="features of our small encoder differ less between parts.",
-        ),
+    "fig2": Figure(controls.fig2, [low("plausible pictures", "flipped faces, %", column("flipped %"), 1)]),
+    "fig3": Figure(
+        controls.fig3, [high("edits propagate to related parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]
     ),
-    "fig4": (
-        Claim(
-            "virtually identical fields",
-            "distance of both fields / spread of the features",
-            relative("mean distance", "spread", preset=OURS),
-            most=0.5,
-        ),
-        Claim(
-            "Lucy in a minute", "s to distill and bind", column("weights s", max, preset=OURS), most=60, cause=HARDWARE
-        ),
+    "fig4": Figure(
+        features.fig4,
+        [
+            low(
+                "virtually identical fields",
+                "distance of both fields / spread of the features",
+                ratio(column("mean distance"), column("spread")),
+                0.5,
+            )
+        ],
     ),
-    "fig5": (
-        Claim(
-            "score below 0.1", "largest score of a shape", column("score", max, preset=OURS), most=0.1, cause=ENCODER
-        ),
+    "fig5": Figure(
+        controls.fig5, [low("score below 0.1", "largest score", column("score", max), 0.1, marked=False)], ENCODER
     ),
-    "fig6": (Claim("similar parts stay", "motion of similar parts, fixed / free", held, most=0.5),),
-    "fig7": (Claim("only the horn moves", "area at λ = 32 / at λ = 0", ratio("follows %", FAR, WIDE), most=0.5),),
-    "fig8": (
-        Claim(
-            "unrelated parts stay without fixed points",
-            "motion by DFD where others have fixed points, % of the handle's",
-            column("fixed points move %", **DFD),
-            most=25,
-            cause="features of our small encoder differ less between parts.",
-        ),
+    "fig6": Figure(
+        controls.fig6,
+        [
+            low(
+                "what looks like the fixed point stays",
+                "motion of similar vertices, fixed / free",
+                of_variants("similar vertices move %", controls.FIXED, controls.FREE, 0.5),
+                0.2,
+            )
+        ],
     ),
-    "fig9": smooth("biharmonic", "ARAP", "BBW"),
-    "fig10": (
-        Claim("robust to size", "longest / shortest preprocessing", column("preprocess s", spread, **DFD), most=3),
-        Claim(
-            "as fast as biharmonic at the lowest resolution",
-            "seconds at 10³ faces, DFD / biharmonic",
-            at_fewest_faces,
-            most=1,
-            cause="distillation takes a fixed time, and tetrahedra of a small mesh take a second. " + HARDWARE,
-        ),
-        Claim(
-            "biharmonic fails past 10⁵ faces",
-            "most faces with a result of biharmonic",
-            most_faces("biharmonic"),
-            most=FAILING,
-        ),
-        Claim(
-            "scales better than all methods across all phases",
-            "largest quotient of seconds, DFD / other",
-            slowest_phase,
-            most=1,
-            cause="binding by DFD includes the forward pass at every vertex. " + HARDWARE,
-        ),
-        Claim("sublinear in bind", "power of growth of the binding time", growth("bind s"), most=1),
-        Claim("sublinear in pose", "power of growth of the posing time", growth("pose s"), most=1),
+    "fig7": Figure(
+        controls.fig7,
+        [
+            low(
+                "the head turns without locality, only the horn with it",
+                "weight at related places, λ = 32 / λ = 0",
+                of_variants("related places follow %", "λ = 32", "λ = 0"),
+                0.2,
+            )
+        ],
     ),
-    "fig11": (
-        Claim("similar edits", "largest / smallest angle change", column("angle °", spread, preset=OURS), most=2),
+    "fig8": Figure(
+        JOBS["fig8"],
+        [
+            low(
+                "unrelated parts stay without fixed points",
+                "motion of others' fixed points, % of the handle's",
+                column("fixed points move %"),
+                25,
+            )
+        ],
     ),
-    "fig12": (
-        Claim(
-            "similar weights", "correlation with the first encoder's weights", column("correlation", preset=OURS), 0.7
-        ),
+    "fig9": Figure(JOBS["fig9"], SMOOTH, STRETCHES),
+    "fig10": Figure(
+        resolution.fig10,
+        [
+            low("robust to size", "longest / shortest preprocessing", column("preprocess s", spread), 3),
+            low("as fast as biharmonic at 10³ faces", "seconds of all phases, DFD / biharmonic", at_fewest_faces, 1),
+            low("biharmonic fails past 10⁵ faces", "most faces with biharmonic", most_faces, BIHARMONIC_FAILS),
+            *(
+                low(
+                    f"scales best in {each}",
+                    f"power of growth in {each}, DFD − least",
+                    steeper(f"{each} s"),
+                    -GROWS_LESS,
+                )
+                for each in ("preprocess", "bind", "pose")
+            ),
+            *(
+                low(f"sublinear in {each}", f"power of growth in {each}", power(f"{each} s"), 1 - GROWS_LESS)
+                for each in ("bind", "pose")
+            ),
+        ],
+        f"distillation takes a fixed time, and binding includes the forward pass at every vertex; {HARDWARE}",
     ),
-    "fig13": (
-        Claim(
-            "training on vertices gives much worse weights",
-            "difference from weights of the fine mesh's field, trained on vertices / on all pixels",
-            ratio("mean difference", VERTICES, PIXELS),
-            1.5,
-        ),
+    "fig11": Figure(
+        features.fig11,
+        [low("similar edits", "largest / smallest angle change", of_encoders(column("angle °", spread)), 2)],
     ),
-    "fig14": smooth("ARAP", "biharmonic", "NeuralMLS"),
-    "fig15": tuple(
-        Claim(
-            "biharmonic coordinates and NeuralMLS degenerate",
-            f"change of edges, DFD / {method}",
-            against("edge %", method),
-            most=1,
-            cause="our weights are unique also with few handles, and training ends when handles reach their targets.",
-        )
-        for method in ("biharmonic", "NeuralMLS")
+    "fig12": Figure(
+        features.fig12,
+        [high("similar weights", "correlation with the first encoder's", of_encoders(column("correlation")), 0.7)],
     ),
-    "fig16": smooth("biharmonic", "ARAP", "BBW"),
-    "fig17": (Claim("no tears", "mean gap, % of the largest motion", column("gap %", preset=OURS), most=5),),
-    "fig18": (Claim("constant training time T", "longest / shortest T", column("T s", spread, preset=OURS), most=2),),
-    "fig19": (
-        Claim("the same weights", "mean difference of weights", column("mean difference", preset=OURS), most=0.1),
+    "fig13": Figure(
+        features.fig13,
+        [
+            high(
+                "training on vertices gives much worse weights",
+                "difference from the fine mesh's weights, vertices / all pixels",
+                of_variants("mean difference", features.VERTICES_ALONE, features.ALL_PIXELS),
+                1.5,
+            )
+        ],
     ),
-    "fig20": (
-        Claim(
-            "handles select the same parts",
-            "largest / smallest area of legs",
-            column("follows %", spread, preset=OURS, variant="leg"),
-            most=4,
-        ),
+    "fig14": Figure(
+        JOBS["fig14"],
+        [
+            low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *TIMED_PEERS), 1),
+            low(
+                "others move the shape as a whole",
+                "motion of unrelated places, DFD / least",
+                against("unrelated places move %", *TIMED_PEERS),
+                1,
+            ),
+        ],
     ),
-    "fig21": (
-        Claim(
-            "reasonable shapes",
-            "diagonal of the result / of the shape",
-            column("size", **DFD),
-            most=1.5,
-            cause=EQUATION,
-        ),
+    "fig15": Figure(
+        JOBS["fig15"],
+        [degenerates("biharmonic"), degenerates("NeuralMLS")],
+        "not shown: our implementations have unique weights also with few handles, and reach their targets",
     ),
-    "fig22": tuple(
-        Claim(
-            "DFD distorts more",
-            f"change of {metric.split()[0]}, DFD / {method}, {variant}",
-            against(metric, method, variant=variant),
-            1,
-            cause=CONSTRAINTS[variant],
-        )
-        for variant in (comparisons.FEW, comparisons.MANY)
-        for metric in METRICS
-        for method in ("ARAP", "biharmonic", "NeuralMLS")
+    "fig16": Figure(JOBS["fig16"], SMOOTH, STRETCHES),
+    "fig17": Figure(resolution.fig17, [low("no tears", "largest gap, % of the motion", column("gap %", max), 5)]),
+    "fig18": Figure(
+        resolution.fig18,
+        [
+            low("constant training time T", "longest / shortest T", column("T s", spread), 2),
+            low("28 million faces in a minute", "s to distill", at_lucy, 60),
+        ],
+        HARDWARE,
     ),
-    "table1": (
-        Claim(
-            "every tick of Table 1",
-            "ticks as in the paper, %",
-            column("as in the paper, %"),
-            100,
-            cause="by our thresholds, ARAP moves the flank and needs little time for a new handle, and biharmonic "
-            "coordinates move the other feet.",
-        ),
+    "fig19": Figure(
+        features.fig19,
+        [
+            low("same weights on remeshings", "largest ratio of areas", column("area, larger / smaller", max), 1.5),
+            high("remeshings follow alike", "least agreement, %", column("agreement of copies %", min), ALIKE),
+            high("other shapes follow alike", "lowest agreement, %", column("agreement of other shapes %", min), ALIKE),
+        ],
+        "parts merge on few faces, and legs of other shapes lie elsewhere in the field's space",
     ),
-    "table3": (
-        rebind(1, "forward pass", "1,150 times as fast for 1 handle"),
-        rebind(10, "forward pass", "946 times as fast for 10"),
-        rebind(100, "forward pass", "641 times as fast for 100"),
-        rebind(1, "features kept", "not measured"),
-        rebind(100, "features kept", "not measured"),
+    "fig20": Figure(features.fig20, [high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]),
+    "fig21": Figure(
+        JOBS["fig21"],
+        [low("reasonable shapes", "diagonal of the result / of the shape", column("size", max, noted=True), 1.5)],
+        "where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
     ),
-}
-PAGES: dict[str, Callable[[Context], Page]] = {
-    name: getattr(module, name)
-    for name in FIGURES
-    for module in (controls, features, comparisons, resolution)
-    if hasattr(module, name)
+    "fig22": Figure(
+        JOBS["fig22"],
+        [
+            high(f"more distortion than {peer}", f"least of four, {peer}, {variant}", distorts_more(peer, variant), 1)
+            for variant in (FEW, MANY)
+            for peer in TIMED_PEERS
+        ],
+        "few fixed points hold the shape loosely, so the other method shears it as a whole",
+    ),
+    "table1": Figure(
+        resolution.table1, [high("every tick of Table 1", "least share of ticks as in the paper, %", least_ticks, 100)]
+    ),
+    "table3": Figure(
+        resolution.table3,
+        [
+            high(f"{times} times as fast", f"{of_count(n)}, OptCtrlPoints / DFD", speedup(n, FORWARD), ORDERS)
+            for n, times in ((1, "1,150"), (10, "946"), (100, "641"))
+        ],
+        "all but K + 4 equations of our system are factored before, and the paper does not state its nodes; "
+        + HARDWARE,
+    ),
 }
 SCREENS = "it shows screenshots of the paper's user study; fig14 draws such pictures"
 STUDY = "the answers of the paper's user studies are not available"

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from dataclasses import field as dataclasses_field
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -25,7 +28,9 @@ from dfd.geometry.refine import split_long_edges
 
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
+MIRRORED = "paper preset, mirrored=True"  # in Fig. 5, a variant of the paper preset
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+LEAD = 0.1  # smallest lead in weight of a related place over an unrelated place, see `agreement`
 LONGEST_EDGE = 0.03  # longest edge in refined shapes, as a fraction of the diagonal, so that weights look smooth
 # Settings of `dfd.distill` with --quick. QUICK is for both presets, QUICK_PAPER only for the preset "paper".
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
@@ -59,7 +64,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class BoxHandle:
-    """A handle and its motion. Positions are fractions of the bounding box, 0 to 1, so they fit any mesh of a shape."""
+    """A handle and its motion, with marked places. `shapes.toml` explains the attributes."""
 
     at: Point
     offset: Point = (0.0, 0.0, 0.0)  # translation, as fractions of the diagonal
@@ -69,6 +74,10 @@ class BoxHandle:
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
     azimuth: float | None = None  # azimuth of the camera, in degrees, see `dfd.pictures.picture`
+    # Marked places, chosen by eye: on parts that look like the handle's part, and on parts that do not.
+    like: tuple[Point, ...] = ()
+    unlike: tuple[Point, ...] = ()
+    others: Mapping[str, float] = dataclasses_field(default_factory=dict)  # other shapes of the class, see `fig19`
 
     def on(self, shape: Shape) -> dict[str, Any]:
         """Return the keywords of `Deformer.add` for this handle on a mesh."""
@@ -81,27 +90,42 @@ class BoxHandle:
         return handle
 
 
-# The pull of each shape: a translation of one handle. Shapes that are not listed here have the pull UPWARDS.
-PULLS = {
-    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0)),
-    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
-    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)),
-    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)),
-    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0)),
-    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0)),
-    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0)),
-    "human_neutral": BoxHandle((1.0, 0.75, 0.5), (0.02, 0.12, 0.05)),
-    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0)),
-    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0)),
-    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0)),
-    "quadruped": BoxHandle((0.2, 1.0, 0.9), (-0.04, 0.12, 0.0)),
+def agreement(mesh: dfd.Mesh, case: Any, follows: NDArray[np.floating]) -> float | None:
+    """Return the percentage of pairs of marked places in which the related place follows more, by at least `LEAD`.
+
+    A pair is a place of `case.like` and one of `case.unlike`. `follows` (V,) are weights, or motions divided by the
+    handle's motion. Weights that are equal everywhere, or 0 far from the handle, give 0. None: there are no such pairs.
+    """
+    like, unlike = (
+        follows[[Shape("", mesh).at(place) for place in getattr(case, name, ())]] for name in ("like", "unlike")
+    )
+    return 100 * float((like[:, None] >= unlike + LEAD).mean()) if len(like) and len(unlike) else None
+
+
+def _read(about: Mapping[str, Any]) -> BoxHandle:
+    """Return the handle with the keys of `shapes.toml`."""
+    given = {key: _tuples(value) for key, value in about.items() if key != "feet"}
+    if "feet" in about:
+        feet = [(x, 0.0, z) for x in (0.0, 1.0) for z in about["feet"]]
+        own = min(feet, key=lambda place: float(np.linalg.norm(np.subtract(place, about["at"]))))
+        given["like"] = tuple(each for each in feet if each != own)
+    return BoxHandle(**given)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+CASES: dict[str, dict[str, BoxHandle]] = {  # for each page or set of pages: the handle on each shape
+    page: {shape: _read(about) for shape, about in shapes.items()}
+    for page, shapes in tomllib.loads(Path(__file__).with_name("shapes.toml").read_text("utf-8")).items()
 }
-UPWARDS = BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0))
+UPWARDS = BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0))  # the pull of shapes without another one
 
 
 def pulls_of(*names: str) -> dict[str, BoxHandle]:
     """Return the pull of each shape of `names`, by name."""
-    return {name: PULLS.get(name, UPWARDS) for name in names}
+    return {name: CASES["pulls"].get(name, UPWARDS) for name in names}
 
 
 @dataclass(frozen=True)
@@ -112,6 +136,12 @@ class Subject:
     case: Any  # most often a `BoxHandle`
     preset: Preset
     field: dfd.Field
+    name: str = ""  # name of the method in tables, if it is not that of the preset
+
+    @property
+    def method(self) -> str:
+        """Return the name of the method in tables."""
+        return self.name or NAMES[self.preset]
 
     def session(
         self,
@@ -166,6 +196,7 @@ class Context:
     quick: bool = False  # whether to use fewer shapes, and fewer and smaller pictures
     encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
     say: Callable[[str], None] = lambda line: None  # reports progress
+    methods: Mapping[str, Any] = dataclasses_field(default_factory=dict)  # further methods by name: `peers.peer.Peer`
 
     @cached_property
     def files(self) -> dict[str, Path]:

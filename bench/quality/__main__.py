@@ -9,13 +9,14 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 import dfd
 from bench.quality import alike, anatomy, borders, labelled, mirrored, people
 from bench.tables import to_csv, to_markdown, write_text
+from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
@@ -37,6 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, nargs="?", help="folder of shapes; without it, labelled uses samples")
     parser.add_argument("--quick", action="store_true", help="measure one labelled shape of each category, or two rigs")
     parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="image encoder: a name or a folder (%(default)s)")
+    parser.add_argument(
+        "--preset", default="default", choices=get_args(Preset), help="preset of the fields and sessions"
+    )
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     given = parser.parse_args(arguments)
     if given.verb != "labelled" and given.folder is None:
@@ -45,11 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ["HF_HUB_OFFLINE"] = "1"
     module, read = MEASURES[given.verb]
     own = "" if given.encoder == DEFAULT_ENCODER else f"_{Path(given.encoder).name}"
-    path = given.output / f"{given.verb}{own}"
+    path = given.output / f"{given.verb}{own}{'' if given.preset == 'default' else f'_{given.preset}'}"
     rows: list[Row] = []
     for shape in read(given.folder, quick=given.quick):
         print(shape.name, file=sys.stderr)
-        field = dfd.distill(shape.mesh, given.encoder, progress=False)
+        field = dfd.distill(shape.mesh, given.encoder, preset=given.preset, progress=False)
         # Each rig is its own category.
         rows.append((getattr(shape, "category", shape.name), shape.name, module.judged(shape, field)))
         write(path, (module.__doc__ or "").splitlines()[0], rows, module.LEGEND)

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
 import dfd
-from bench.quality.measures import area_fractions, soft_iou, weights_of_each
+from bench.quality.measures import area_fractions, session_of, soft_iou, weights_of_each
 from bench.quality.parts import kind_of_part
 from bench.quality.shapes import strongest_joints
 from dfd.common.linear_algebra import Bool, Float64, Int64
@@ -110,7 +110,7 @@ def rigged_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
     """Return the numbers that `LEGEND` explains, as means over the joints."""
-    session, of_joints = dfd.Deformer(shape.mesh, field), []
+    session, of_joints = session_of(shape.mesh, field), []
     for each in shape.handles():
         levels = [weights_of_each(session, each, level=level) for level in range(-STEPS, STEPS + 1)]
         of_joints.append(np.array([[*map(shape.judge, each.tolist(), weights)] for weights in levels]))

@@ -5,6 +5,7 @@ import trimesh
 
 import dfd
 from bench.quality.anatomy import RiggedShape
+from bench.quality.measures import session_of
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.common.normals import face_normals
 from dfd.geometry.topology import first_at_place
@@ -28,7 +29,7 @@ def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
     """
     if len(shape.mesh.faces) < LEAST_FACES:
         return dict.fromkeys(LEGEND, np.nan)
-    session, edges = dfd.Deformer(shape.mesh, field), _edges(shape.mesh)
+    session, edges = session_of(shape.mesh, field), _edges(shape.mesh)
     found = [_fold(session, edges, int(first)) for first, *_ in shape.handles()]
     folds = np.array([each for each in found if each is not None])
     if not len(folds):

@@ -57,6 +57,11 @@ def mean_over_labels(labels: Labels, values: Any) -> float:
     return float(np.mean([np.asarray(values)[known & (labels == each)].mean() for each in np.unique(labels[known])]))
 
 
+def session_of(mesh: dfd.Mesh, field: dfd.Field) -> dfd.Deformer:
+    """Return a session with the preset with which the field was distilled."""
+    return dfd.Deformer(mesh, field, preset=field.settings.get("preset", "default"))
+
+
 def weights_of_each(session: dfd.Deformer, vertices: Handles, level: int = 0) -> list[Float64]:
     """Return the weights (V,) of a handle at each of `vertices` (H,). `session` must have no other handles."""
     found = []

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 import dfd
 from bench.quality.anatomy import LARGEST_JUDGED, SMALLEST_JUDGED, RiggedShape, rigged_shapes, sides_as_one
+from bench.quality.measures import session_of
 from dfd.common.linear_algebra import Float64, Int64
 
 EXACT = 0.02  # a motion counts as mirrored if its error is at most this fraction of the part's size
@@ -50,7 +51,7 @@ def paired_shapes(folder: Path, *, quick: bool = False) -> Iterator[RiggedShape]
 
 def judged(shape: RiggedShape, field: dfd.Field) -> dict[str, float]:
     """Return the numbers that `LEGEND` explains. If the first number is 0, all others are NaN."""
-    session = dfd.Deformer(shape.mesh, field)
+    session = session_of(shape.mesh, field)
     found = [_errors(session, pair) for pair in pairs_of(shape)]
     exact = [np.array(errors) <= EXACT for errors in found if errors]
     shares = np.mean(exact, axis=0) if exact else np.full(len(LEGEND) - 1, np.nan)

@@ -312,7 +312,9 @@ class Deformer(History):
 
         made = self.field.settings
         paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
-        if differ := [name for name, value in paper.items() if name != "seed" and name in made and made[name] != value]:
+        free = ("seed", "mirrored")  # `mirrored=True` is a variant of the preset
+        differ = [name for name, value in paper.items() if name not in free and made.get(name, value) != value]
+        if differ:
             more = f" and {len(differ) - 4} more settings" if len(differ) > 4 else ""
             check.warn(
                 f"Deformer: `preset` is 'paper', but the field was distilled with other settings: "

@@ -241,7 +241,10 @@ def symmetry_on(
         threshold = defaults.threshold if threshold is None else threshold
         found = symmetry_planes(field, mesh, candidates=candidates or defaults.candidates, threshold=threshold)
         if not found:
-            raise ArgumentError("plane", "cannot be 'auto': no plane has two sides that look alike")
+            advice = "; distill with preset='paper', mirrored=True for lower scores"
+            known = preset == "paper" and field.settings.get("mirrored") is False
+            reason = f"cannot be 'auto': no plane has two sides that look alike{advice if known else ''}"
+            raise ArgumentError("plane", reason)
         plane = found[0]
     elif isinstance(plane, str):
         try:

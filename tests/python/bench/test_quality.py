@@ -11,9 +11,10 @@ from made_field import field_of
 from mesh_files import CORNERS, CUBE, Gltf, write
 
 import dfd
+from bench.quality import labelled
 from bench.quality.__main__ import main
 from bench.quality.labelled import LEGEND
-from bench.quality.measures import average_precision
+from bench.quality.measures import average_precision, session_of
 from bench.quality.shapes import characters
 
 
@@ -44,6 +45,26 @@ def test_the_bench_writes_its_tables(folder, tmp_path):
     assert all(0 <= float(value) <= 1 for value in rows[0][2:])
     text = (tmp_path / "labelled.md").read_text()
     assert "| mean |" in text
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_fields_and_sessions_have_the_preset(preset, folder, tmp_path):
+    made = []
+
+    def distill(mesh, encoder, **how):
+        made.append(how["preset"])
+        return field_of(mesh)
+
+    with (
+        mock.patch.object(dfd, "distill", distill),
+        mock.patch.object(labelled, "judged", return_value={"precision": 1.0}),
+    ):
+        main(["labelled", str(folder), "--output", str(tmp_path), "--preset", preset])
+    assert set(made) == {preset}
+    assert (tmp_path / f"labelled{'_paper' if preset == 'paper' else ''}.csv").is_file()
+    mesh = dfd.samples.chair(4_000).mesh
+    assert session_of(mesh, field_of(mesh).with_settings({"preset": preset})).preset == preset
+    assert session_of(mesh, field_of(mesh)).preset == "default"
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,10 @@
 ARAP and bounded biharmonic weights (BBW) come from libigl. The other methods are implemented here from their papers.
 """
 
-from bench.paper.peers.biharmonic import coordinates, opt_ctrl_points
-from bench.paper.peers.libigl_peers import arap, bounded
-from bench.paper.peers.neural_mls import neural_mls
-from bench.paper.peers.peer import Peer
+from bench.peers.biharmonic import coordinates, opt_ctrl_points
+from bench.peers.libigl_peers import arap, bounded
+from bench.peers.neural_mls import neural_mls
+from bench.peers.peer import Peer
 
 PEERS = {
     "ARAP": Peer(arap),

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import torch
 
-from bench.paper.peers.peer import Bind, Body, Deform
+from bench.peers.peer import Bind, Body, Deform
 from dfd.common.linear_algebra import Float64, Int64
 
 WIDTH, HIDDEN = 128, 2  # width and number of the hidden layers

@@ -18,7 +18,7 @@ from scipy.linalg import qr
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, check_sums, on_nodes
+from bench.peers.peer import Bind, Body, Deform, PeerError, Tetrahedra, check_sums, on_nodes
 from dfd.common.linear_algebra import Float64, Int64, unit
 
 JUMPS = 1e-4  # factor of the jumps in the energy

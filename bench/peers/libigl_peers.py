@@ -3,7 +3,7 @@
 import igl
 import numpy as np
 
-from bench.paper.peers.peer import Bind, Body, Deform, PeerError, check_components, check_sums, on_nodes
+from bench.peers.peer import Bind, Body, Deform, PeerError, check_components, check_sums, on_nodes
 from dfd.common.linear_algebra import Float64, Int64
 
 ITERATIONS = 100  # largest number of iterations of ARAP
