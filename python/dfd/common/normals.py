@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, group_sums, nearest_rotations, unit
 
 _FACES_AT_ONCE = 1 << 20  # largest number of faces that are processed together, which limits the memory
-_OPPOSITE = -0.99  # cosine below which two faces at a vertex are the sides of a sheet
 
 
 def face_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float64:
@@ -71,23 +70,3 @@ def turned_normals(normals: Float64, vertices: Float64, before: Float64, faces: 
     closer = turned - middle * along + 2 * end * np.einsum("gi,gi->g", start, turned)[:, None]
     known = (cosine > -0.99) & start.any(axis=1, keepdims=True) & end.any(axis=1, keepdims=True)
     return np.where(known, closer, turned)
-
-
-def split_sheets(faces: Int64, normals: Float64, count: int) -> tuple[Int64, Int64]:
-    """Return the source (R,) of each of R rows, and the faces (F, 3): both sides of a sheet get rows of their own.
-
-    `faces` (F, 3) have the `normals` (F, 3), and refer to `count` rows.
-    """
-    up = unit(normals)
-    front = np.zeros((count, 3))
-    front[faces[::-1].T] = up[::-1]
-    cosine = np.einsum("fci,fi->fc", front[faces], up)
-    sheets = np.zeros(count, bool)
-    sheets[faces[cosine < _OPPOSITE]] = True
-    back = sheets[faces] & (cosine < 0)
-    if not back.any():
-        return np.arange(count), faces
-    doubled, number = np.unique(faces[back], return_inverse=True)
-    split = faces.copy()
-    split[back] = count + number
-    return np.concatenate([np.arange(count), doubled]), split

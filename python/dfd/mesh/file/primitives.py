@@ -33,6 +33,8 @@ class Geometry:
     face_colors: Float32 | None = None  # (F, 4) RGBA of each face, in place of vertex colors
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
+    # (F,) the smoothing group of each face: 0 is flat; None if the file does not say how faces without normals look
+    smoothing: Int64 | None = None
     stored: Float64 | None = None  # (N, 3) the file's positions, if morph targets move them to `vertices`
 
 

@@ -14,6 +14,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
 from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.file.gaps import without_gaps
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place
 
 if TYPE_CHECKING:
@@ -113,6 +114,7 @@ class SceneFile:
         count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
         if count < 3:
             raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {count}")
+        primitives = without_gaps(primitives, vertex, path)
         appearance = _appearance(primitives, vertex[: primitives[-1].rows.stop], corner_faces)
         return cls(
             path,
@@ -158,7 +160,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
     uv = colors = None
     if textured and any(each.geometry.uv is not None for each in primitives):
         uv = np.concatenate([_or_fill(each.geometry.uv, each, 0.0, 2) for each in primitives])
-        uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
+        uv = uv.clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
     if colors is not None and by_corner:  # each corner gets its own row: faces of different colors can share rows
