@@ -27,6 +27,7 @@ class AssetFolder:
     def __init__(self, mesh: Path) -> None:
         self.folder = mesh.parent
         self.unreadable: set[str] = set()
+        self.notes: set[str] = set()  # further warnings
         self._texels: dict[str, UInt8] = {}
         self._texels_left = MOST_TEXELS
 

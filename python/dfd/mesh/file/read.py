@@ -40,6 +40,10 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         check.warn(f"load: `path` {path} names {names}, which could not be read; affected faces are gray", UserWarning)
+    if assets.notes:
+        notes = sorted(assets.notes)
+        more = f" (and {len(notes) - _MOST_NAMED} more)" if len(notes) > _MOST_NAMED else ""
+        check.warn(f"load: in `path` {path}, {', '.join(notes[:_MOST_NAMED])}{more}", UserWarning)
     return scene
 
 

@@ -159,7 +159,7 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         return None
     uv = colors = None
     if textured and any(each.geometry.uv is not None for each in primitives):
-        uv = np.concatenate([_or_fill(each.geometry.uv, each, 0.0, 2) for each in primitives])
+        uv = np.concatenate([_placed_uv(each) for each in primitives])
         uv = uv.clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
@@ -182,3 +182,11 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
 
 def _or_fill(values: NDArray[np.floating] | None, each: Primitive, missing: float, width: int) -> NDArray[np.floating]:
     return np.full((len(each.vertices), width), missing, np.float32) if values is None else values
+
+
+def _placed_uv(each: Primitive) -> Float64:
+    """Return the texture coordinates (N, 2) of a primitive, scaled and shifted as its material says."""
+    if each.geometry.uv is None:
+        return np.zeros((len(each.vertices), 2))
+    scale_u, scale_v, offset_u, offset_v = (each.geometry.material or _DEFAULT).placement
+    return each.geometry.uv * (scale_u, scale_v) + (offset_u, offset_v)

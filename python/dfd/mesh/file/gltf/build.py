@@ -26,6 +26,7 @@ LIMITS = {"min": np.min, "max": np.max}
 _KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 _WRAPS = {name: number for number, name in WRAPS.items()}
 _PLAIN = Material()
+_TRANSFORM = "KHR_texture_transform"
 _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 
 
@@ -172,7 +173,10 @@ class _Scene(GltfBuilder):
             factor = [*linear(np.array(material.color[:3])).tolist(), material.color[3]]
             surface: Header = {"baseColorFactor": factor, "metallicFactor": 0.0, "roughnessFactor": 1.0}
             if material.texture is not None and textured:
-                surface["baseColorTexture"] = {"index": self._texture(material.texture, material.wrap)}
+                surface["baseColorTexture"] = {
+                    "index": self._texture(material.texture, material.wrap),
+                    **self._placement(material.placement),
+                }
             content: Header = {"name": material.name, "pbrMetallicRoughness": surface}
             if material.alpha_mode != "OPAQUE":
                 content["alphaMode"] = material.alpha_mode
@@ -180,6 +184,16 @@ class _Scene(GltfBuilder):
                 content["alphaCutoff"] = material.alpha_cutoff
             self._materials[key] = self.append("materials", content)
         return self._materials[key]
+
+    def _placement(self, placement: tuple[float, float, float, float]) -> Header:
+        """Return the extension of a texture reference that scales and shifts texture coordinates; v points down."""
+        if placement == _PLAIN.placement:
+            return {}
+        if _TRANSFORM not in self.header.setdefault("extensionsUsed", []):
+            self.header["extensionsUsed"].append(_TRANSFORM)
+        scale_u, scale_v, offset_u, offset_v = placement
+        change = {"scale": [scale_u, scale_v], "offset": [offset_u, 1 - offset_v - scale_v]}
+        return {"extensions": {_TRANSFORM: change}}
 
     def _texture(self, texels: UInt8, wrap: tuple[Wrap, Wrap]) -> int:
         key = (id(texels), wrap)

@@ -34,7 +34,8 @@ def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
     text = parse(data)
     changed = (saving.vertices != scene.vertices).any(axis=1)
     edits = Edits(data)
-    edits.replace(text.position_spans[changed], rows_as_text(saving.vertices[changed]))
+    scales = 1.0 if text.scales is None else text.scales[changed, None]
+    edits.replace(text.position_spans[changed], rows_as_text(saving.vertices[changed] * scales))
     if changed.any():
         _edit_normals(edits, text, corner_rows, saving.of_rows())
     companions = Companions(target)
