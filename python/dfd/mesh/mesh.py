@@ -302,6 +302,7 @@ def load(
         raise ValueError(
             "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene or a pair (vertices, faces), "
             f"got {type(source).__name__}"
+            f"{': write its bytes to a file first' if hasattr(source, 'read') else ''}"
         )
     return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
 

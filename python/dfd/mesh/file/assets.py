@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import os
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -49,7 +47,7 @@ class AssetFolder:
                 if is_pointer(data):
                     raise ArgumentError("path", f"names {shortened(name)}, which is {disguise(data, '')}")
                 return data
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
+        raise ArgumentError("path", f"names {shortened(name)}, which does not exist: put it beside the file")
 
     def texture(self, name: str, shown: str) -> UInt8 | None:
         """Return the texels of an image file. If it cannot be read, add `shown` to `unreadable` and return None."""

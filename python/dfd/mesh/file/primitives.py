@@ -67,6 +67,10 @@ class Primitive(MeshInstance):
         with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
             return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
 
+    def vectors_to_scene(self, vectors: Float64) -> Float64:
+        """Convert displacements (N, 3), one for each vertex, from local to scene coordinates."""
+        return _applied(self._linear(slice(None)), vectors)
+
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
         """Convert displacements (K, 3) of the vertices `rows` from scene to local coordinates."""
         return _applied(np.linalg.pinv(self._linear(rows)), vectors)  # a singular transform has no inverse

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 from pathlib import Path
 
 from dfd.common import check
@@ -12,11 +13,14 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.formats import FORMATS
 from dfd.mesh.file.scene_file import SceneFile
 
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # `Path` removes one of the two slashes
 _MOST_NAMED = 5  # largest number of unreadable files that a warning lists
 
 
 def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`."""
+    if _ADDRESS.match(os.fspath(path)):
+        raise ArgumentError("path", f"is an address, got {path}: download the file, and give its path", "load")
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in FORMATS:

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from dfd.mesh.file.gltf.data import GltfData
 
 _DEFAULT = Material(is_default=True)
+_ADVICE = (
+    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move them (docs: how_to/points), "
+    "or make a surface first"
+)
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,11 @@ class SceneFile:
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a coordinate is not finite.
         """
+        if not any(len(each.geometry.faces) for each in instances):
+            count = (
+                sum(len(each.geometry.vertices) for each in instances) if own_vertices is None else len(own_vertices)
+            )
+            raise ArgumentError("path", f"holds no faces{_ADVICE.format(count) if count else ''}")
         primitives, strands, positions = place(instances)
         numbered = []
         for each in primitives:

@@ -200,9 +200,7 @@ def _textured(line: bytes, name: str, assets: AssetFolder) -> Material | None:
         changes = any(numbers("t", 0)) if option == "t" else values != ["off"] and option not in _HARMLESS
         if changes and option not in ("s", "o", "clamp", "mm"):
             assets.notes.add(f"the option -{option} of the texture {shortened(picture)} is ignored")
-    return Material(
-        WHITE, texels, (wrap, wrap), name=name, placement=(scale[0], scale[1], offset[0], offset[1])
-    )
+    return Material(WHITE, texels, (wrap, wrap), name=name, placement=(scale[0], scale[1], offset[0], offset[1]))
 
 
 def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[bytes, list[bytes]], set[bytes]]:

@@ -150,7 +150,9 @@ def _parse(data: bytes) -> _Content:
     if by_lines and vertex_count:
         more = np.searchsorted(text.lines, text.lines[first], side="right") - first - columns.width
         if more.any():
-            notes.append(f"{int(more.max())} further numbers of vertices, which its first line does not name, are ignored")
+            notes.append(
+                f"{int(more.max())} further numbers of vertices, which its first line does not name, are ignored"
+            )
     if found.by_index:
         notes.append("colors of faces by their index in a color map are ignored")
     return _Content(text, first, vertices, columns, positions, found.sizes, found.corners, found.colors, tuple(notes))

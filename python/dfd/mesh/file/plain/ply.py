@@ -411,8 +411,11 @@ def _encoded(geometry: Geometry) -> bytes:
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
     vertex |= _named(_CHANNELS, geometry.colors, "u1")
     for name, values in geometry.attributes.items():
-        if values.shape == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
-            vertex.setdefault(name, values if values.dtype.itemsize <= 4 else values.astype("f8"))
+        if values.shape[:1] == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
+            columns = values.reshape(len(values), -1).T
+            names = [name] if values.ndim == 1 else [f"{name}_{index}" for index in range(len(columns))]
+            for own, column in zip(names, columns, strict=True):
+                vertex.setdefault(own, column if column.dtype.itemsize <= 4 else column.astype("f8"))
     channels = _named(_CHANNELS, geometry.face_colors, "u1")
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(geometry.vertices)}"]
     head += [f"property {_SPELLED[values.dtype.str[1:]]} {name}" for name, values in vertex.items()]

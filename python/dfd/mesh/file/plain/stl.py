@@ -1,7 +1,7 @@
 """Read STL files with the colors that two programs store in them, and write them without colors.
 
-The format: 3D Systems, "StereoLithography Interface Specification", 1989. Colors are in the two bytes of a face that
-the format leaves to programs, as five bits a channel. VisCAM stores blue in the lowest bits, and sets the highest bit of
+The format: 3D Systems, "StereoLithography Interface Specification", 1989. Colors have five bits a channel, in the two
+bytes of a face that the format leaves to programs. VisCAM stores blue in the lowest bits, and sets the highest bit of
 faces with a color. Materialise Magics stores red there, and clears the highest bit of these faces; all others have the
 color after "COLOR=" in the header.
 """
