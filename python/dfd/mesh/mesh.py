@@ -304,6 +304,17 @@ def load(
             f"got {type(source).__name__}"
             f"{': write its bytes to a file first' if hasattr(source, 'read') else ''}"
         )
+    return _of_scene(scene)
+
+
+def load_within(path: Path, root: Path | None) -> Mesh:
+    """Read a mesh as `load` does, with materials, images and buffers from anywhere in the folder `root`."""
+    from dfd.mesh.file.read import read
+
+    return _of_scene(read(path, root=root))
+
+
+def _of_scene(scene: SceneFile) -> Mesh:
     return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
 
 

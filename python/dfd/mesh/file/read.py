@@ -17,8 +17,11 @@ _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # `Path` removes o
 _MOST_NAMED = 5  # largest number of unreadable files that a warning lists
 
 
-def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
-    """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`."""
+def read(path: str | os.PathLike[str], *, at_rest: bool = True, root: Path | None = None) -> SceneFile:
+    """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`.
+
+    Files that it names may be anywhere in the folder `root`; without `root`, in the folder of the file.
+    """
     if _ADDRESS.match(os.fspath(path)):
         raise ArgumentError("path", f"is an address, got {path}: download the file, and give its path", "load")
     path = Path(path)
@@ -31,7 +34,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
     if not data:
         raise ArgumentError("path", f"{path} is empty", "load")
-    assets = AssetFolder(path)
+    assets = AssetFolder(path, root)
     try:
         scene = FORMATS[ending].read(path, data, assets, at_rest)
     except MemoryError as error:

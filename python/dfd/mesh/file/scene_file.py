@@ -33,6 +33,7 @@ class FileSource:
 
     data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
     numbers: Int64 | None = None  # (R,) the file's vertex for each row of `SceneFile`; None for STL files
+    root: Path | None = None  # the folder in which its materials may be, if this is not the folder of the file
     corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
 
 

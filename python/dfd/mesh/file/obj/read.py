@@ -35,7 +35,7 @@ def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFi
     """Return the scene of an OBJ file; raise ValueError if the file is malformed."""
     text = parse(data)
     instances, numbers, corner_rows = _instances(text, path, assets)
-    source = FileSource(np.frombuffer(data, np.uint8), numbers, corner_rows)
+    source = FileSource(np.frombuffer(data, np.uint8), numbers, assets.root, corner_rows)
     return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
 
 
