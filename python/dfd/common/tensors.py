@@ -32,7 +32,7 @@ def shared(function: str | None, name: str, value: Any) -> Any:
     if type(value) is np.ndarray:
         return value
     if isinstance(value, np.ma.MaskedArray):
-        masked = int(np.ma.count_masked(value))
+        masked = int(np.count_nonzero(np.ma.getmaskarray(value)))
         what = (
             f"fill or remove its {masked} masked values" if masked else "it has no masked values, so pass its `.data`"
         )

@@ -57,8 +57,8 @@ def _missing(each: Primitive) -> Bool:
     """Return which rows (N,) of a primitive have no normal: none is given, or it is zero or not finite."""
     if each.normals is None:
         return np.ones(len(each.vertices), bool)
-    missing: Bool = ~(np.isfinite(each.normals).all(axis=1) & each.normals.any(axis=1))
-    return missing
+    known: Bool = np.logical_and.reduce(np.isfinite(each.normals), axis=1) & each.normals.any(axis=1)
+    return ~known
 
 
 def _smoothing(primitives: Sequence[Primitive]) -> Int64:

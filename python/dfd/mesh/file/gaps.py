@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dfd.common import check
-from dfd.common.linear_algebra import Bool, Int32, Int64
+from dfd.common.linear_algebra import Bool, Int32
 from dfd.mesh.file.primitives import Geometry, Primitive
 
 WHITE = 1.0
@@ -22,7 +22,7 @@ def without_gaps(primitives: Sequence[Primitive], vertex: Int32, path: Path | No
     vertex of each row.
     """
     filled: dict[int, Geometry] = {}
-    colorless, faceless, unplaced = list[Int64](), 0, list[Int64]()
+    colorless, faceless, unplaced = list[Int32](), 0, list[Int32]()
     for each in primitives:
         old = each.geometry
         if id(old) in filled:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 _DEFAULT = Material(is_default=True)
 _ADVICE = (
-    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move them (docs: how_to/points), "
-    "or make a surface first"
+    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move points (see 'Points without faces' in the "
+    "docs), or make a surface first"
 )
 
 
@@ -121,9 +121,9 @@ class SceneFile:
             numbers = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
             vertex = np.where(finite, numbers[of_known], np.int32(-1))
             _follow(vertex, positions, vertices, strands)
-        count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
-        if count < 3:
-            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {count}")
+        used_count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
+        if used_count < 3:
+            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used_count}")
         primitives = without_gaps(primitives, vertex, path)
         appearance = _appearance(primitives, vertex[: primitives[-1].rows.stop], corner_faces)
         return cls(

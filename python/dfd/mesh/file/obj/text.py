@@ -127,7 +127,7 @@ class _Lines:
     def statements(self) -> tuple[tuple[int, str, bytes], ...]:
         """Return line number, keyword and further words of each line that names a part, a material or an MTL file."""
         found = []
-        for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogum"))):
+        for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogsum"))):
             words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
             keyword = words[0].decode("latin-1")
             if keyword in _STATEMENTS:

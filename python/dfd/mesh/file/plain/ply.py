@@ -230,7 +230,7 @@ def _parse(data: bytes) -> _Content:
     content = _Content(mark.end(), order, tuple(pictures), {})
     if not order:  # parse a text file like a binary file of 64-bit floats
         line_count = len(head.splitlines()) + 1
-        text, body, start = body, _text_as_floats(body, line_count), 0
+        written, body, start = body, _text_as_floats(body, line_count), 0
     try:
         for name, count, properties in layout:
             if count > len(body):
@@ -242,10 +242,10 @@ def _parse(data: bytes) -> _Content:
             content.elements.setdefault(name, {}).update({each.name.lower(): each for each in properties})
     except ValueError:
         if not order:
-            _check_lines(text, layout, line_count)
+            _check_lines(written, layout, line_count)
         raise
     if not order and start < len(body):
-        _check_lines(text, layout, line_count)
+        _check_lines(written, layout, line_count)
     return content
 
 
