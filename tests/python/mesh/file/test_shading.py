@@ -18,7 +18,9 @@ def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
     turns = np.radians(degrees) * np.arange(steps)
     line = np.vstack([np.zeros(2), np.cumsum(np.stack([np.cos(turns), np.sin(turns)], axis=1), axis=0)])
     vertices = np.array([(x, y, z) for x, y in line for z in (0.0, 1.0)])
-    faces = [(2 * i, 2 * i + 2, 2 * i + 3) for i in range(steps)] + [(2 * i, 2 * i + 3, 2 * i + 1) for i in range(steps)]
+    faces = [(2 * i, 2 * i + 2, 2 * i + 3) for i in range(steps)] + [
+        (2 * i, 2 * i + 3, 2 * i + 1) for i in range(steps)
+    ]
     return vertices, np.array(faces)
 
 
