@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 _DEFAULT = Material(is_default=True)
 _ADVICE = (
-    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move points (see 'Points without faces' in the "
-    "docs), or make a surface first"
+    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move points (see 'Points without faces' in "
+    "the docs), or make a surface first"
 )
 
 

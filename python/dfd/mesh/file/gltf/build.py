@@ -14,7 +14,7 @@ from dfd.common import check
 from dfd.common.colors import linear
 from dfd.common.edits import COARSE, far_origin
 from dfd.common.images import as_png
-from dfd.common.linear_algebra import Float64, Int64, UInt8
+from dfd.common.linear_algebra import Float64, Int64, UInt8, unit
 from dfd.common.text import UniqueNames
 from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.file.complete import all_completed
@@ -154,7 +154,7 @@ class _Scene(GltfBuilder):
         colors = geometry.colors
         values: dict[str, NDArray[Any]] = {"POSITION": each.vertices if origin is None else each.vertices - origin}
         if each.normals is not None:
-            values["NORMAL"] = each.normals
+            values["NORMAL"] = unit(each.normals)
         if geometry.uv is not None:
             values["TEXCOORD_0"] = geometry.uv * (1, -1) + (0, 1)  # v points down in glTF
         values |= self._further(geometry)
