@@ -8,7 +8,7 @@ import numpy as np
 from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums, unit
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance, Primitive, place
-from dfd.mesh.file.shading import UNSAID, corner_normals
+from dfd.mesh.file.shading import SMOOTH, UNSAID, corner_normals
 
 
 def existing_completed(saving: Saving) -> Saving:
@@ -25,11 +25,13 @@ def existing_completed(saving: Saving) -> Saving:
 def all_completed(saving: Saving) -> tuple[list[Primitive], Int64]:
     """Return primitives that have normals, and the mesh vertex (R,) of each of their rows; −1 if no face uses a row.
 
-    A vertex becomes several rows if its faces get different normals, or have their own colors.
+    A vertex becomes several rows if its faces get different normals, or have their own colors. Meshes from arrays and
+    from trimesh are smooth, and keep their vertices, except those at which faces show both sides.
     """
     scene, vertices, primitives = saving.scene, saving.vertices, saving.moved
     if scene is None:
-        primitives = place([MeshInstance("mesh", "mesh", Geometry(vertices, saving.faces.astype(np.int64)))])[0]
+        geometry = Geometry(vertices, saving.faces.astype(np.int64), smoothing=np.full(len(saving.faces), SMOOTH))
+        primitives = place([MeshInstance("mesh", "mesh", geometry)])[0]
     group, normals = np.zeros((len(saving.faces), 3), np.int64), np.zeros((1, 3))
     if any(_missing(each).any() for each in primitives):
         group, normals = corner_normals(vertices, saving.faces, _smoothing(primitives))

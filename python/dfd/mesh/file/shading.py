@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums, unit
 from dfd.common.normals import face_normals
 
-UNSAID, FLAT = -1, 0  # smoothing groups of faces: the file says nothing, or the face is flat; others are above 0
+# Smoothing groups of faces: the file says nothing, or the face is flat; the groups of smooth faces are above 0.
+UNSAID, FLAT, SMOOTH = -1, 0, 1
 _SHARP = np.cos(np.radians(30))  # smallest cosine between the normals of two faces that share smooth normals
 _OPPOSITE = -0.99  # cosine below which two faces at an edge are the sides of a sheet
 _MOST_SIDES = 8  # more faces at one edge share no smooth normals across it

@@ -151,10 +151,7 @@ Table.__module__ = "pandas.core.frame"
         (Table([[1, 2, 3]]), r"got a Table with a nullable type: pass `.to_numpy\(float\)`"),
         (Table([[1, None, 3]]), r"got a Table with missing values, .*: fill or remove them"),
         (Table([[1, "a", 3]]), r"got a Table with missing values, or columns that are not numbers"),
-        (
-            np.ma.masked_array(np.eye(3), np.eye(3) > 0),
-            "must not be a masked array: fill or remove its 3 masked",
-        ),
+        (np.ma.masked_array(np.eye(3), np.eye(3) > 0), "must not be a masked array: fill or remove its 3 masked"),
         (np.ma.masked_array(np.eye(3)), "must not be a masked array: it has no masked values, so pass its `.data`"),
     ],
 )

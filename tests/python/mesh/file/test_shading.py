@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from mesh_files import CORNERS, CUBE, Gltf, write
 
 from dfd.mesh.file.shading import FLAT, UNSAID, corner_normals
@@ -49,29 +50,32 @@ WRITERS: dict[str, Callable[[Path, np.ndarray, np.ndarray], object]] = {
 }
 
 
-@pytest.mark.parametrize("ending", [*WRITERS, "arrays"])
+@pytest.mark.parametrize("ending", WRITERS)
 @pytest.mark.parametrize(("degrees", "sharp"), [(29, False), (31, True), (90, True)])
 def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: bool, tmp_path: Path) -> None:
     vertices, faces = strip(degrees)
-    mesh = Mesh(vertices, faces)
-    if ending != "arrays":
-        WRITERS[ending](tmp_path / f"a.{ending}", vertices, faces)
-        mesh = load(tmp_path / f"a.{ending}")
-    mesh.save(tmp_path / "a.glb")
+    WRITERS[ending](tmp_path / f"a.{ending}", vertices, faces)
+    load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
     least = least_cosine(tmp_path / "a.glb")
     assert (least > 0.9999) == sharp
     if not sharp:
         assert least < np.cos(np.radians(degrees / 4))
 
 
-@pytest.mark.parametrize("ending", [*WRITERS, "arrays"])
+@pytest.mark.parametrize("ending", WRITERS)
 def test_a_box_has_sharp_edges(ending: str, tmp_path: Path) -> None:
-    mesh = Mesh(CORNERS, CUBE)
-    if ending != "arrays":
-        WRITERS[ending](tmp_path / f"a.{ending}", CORNERS, CUBE)
-        mesh = load(tmp_path / f"a.{ending}")
-    mesh.save(tmp_path / "a.glb")
+    WRITERS[ending](tmp_path / f"a.{ending}", CORNERS, CUBE)
+    load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") > 0.9999
+
+
+@pytest.mark.parametrize("source", ["arrays", "trimesh"])
+def test_a_mesh_from_memory_keeps_its_vertices(source: str, tmp_path: Path) -> None:
+    mesh = Mesh(CORNERS, CUBE) if source == "arrays" else load(trimesh.Trimesh(CORNERS, CUBE, process=False))
+    mesh.save(tmp_path / "a.glb")
+    scene = load(tmp_path / "a.glb").scene
+    assert scene is not None
+    assert np.array_equal(scene.primitives[0].vertices, CORNERS)
 
 
 @pytest.mark.parametrize("said", ["s off", "s 0", "s null"])
@@ -128,5 +132,6 @@ def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path: Path) -
     assert len(np.unique(group)) == len(vertices)
     turned = faces.copy()
     turned[1::4] = turned[1::4, ::-1]
-    Mesh(vertices, turned).save(tmp_path / "a.glb")
+    Mesh(vertices, turned).save(tmp_path / "a.obj")
+    load(tmp_path / "a.obj").save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") > 0.9

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.colors import ranged
 from dfd.common.edits import Edits, rows_as_text
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.polygons import check_corners, long_faces, triangulate
-from dfd.common.text import decoded, number, numbers, readable_numbers, shortened
+from dfd.common.text import decoded, numbers, readable_numbers, shortened
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance
@@ -114,7 +113,7 @@ def _parse(data: bytes) -> _Content:
     if body < len(text.starts) and text.word(body).upper() == "BINARY":
         raise ValueError("it is a binary OFF file, which cannot be read: save it as text")
     vertex_count, face_count, body = _counts(text, body)
-    values, wrong = _numbers(text)
+    values, wrong = _numbers(text, body)
     most = [_columns(prefix, channels) for channels in ((4, 3) if prefix[2] else (0,))]
     lines = np.flatnonzero(np.diff(text.lines[body:], prepend=-1)) + body  # the first word of each line
     layouts: list[tuple[_Columns, Int64, _Faces, bool]] = []
@@ -212,20 +211,25 @@ def _columns(prefix: re.Match[str], channels: int) -> _Columns:
     return _Columns(3 if prefix[4] else None, normal, color, channels, uv, width + (2 if prefix[1] else 0))
 
 
-def _numbers(text: _Text) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return the number that each word states, and which words state none (W,); these are NaN."""
-    wrong = np.zeros(len(text.starts), bool)
-    begin = int(text.starts[0])
-    values = numbers(text.data[begin:], np.float64, len(text.starts))
-    if values is None:
-        words = [text.data[start:end] for start, end in zip(text.starts.tolist(), text.ends.tolist(), strict=True)]
-        found = [numbers(word, np.float64, 1) for word in words]
-        wrong = np.array([each is None for each in found])
-        values = np.array([number(b"nan") if each is None else each[0] for each in found])
+def _numbers(text: _Text, body: int) -> tuple[Float64, Bool]:
+    """Return the number that each word states, and which words state none (W,); these are NaN.
+
+    Words before the index `body`, the keyword and the counts, are left out.
+    """
+    count = len(text.starts) - body
+    wrong, values = np.zeros(len(text.starts), bool), np.full(len(text.starts), np.nan)
+    found = numbers(text.data[text.starts[body] :], np.float64, count) if count > 0 else np.zeros(0)
+    if found is not None:
+        values[body:] = found
+        return values, wrong
+    for index in range(body, len(text.starts)):
+        word = numbers(text.data[text.starts[index] : text.ends[index]], np.float64, 1)
+        wrong[index] = word is None
+        values[index] = np.nan if word is None else word[0]
     return values, wrong
 
 
-def _check_rows(text: _Text, wrong: NDArray[np.bool_], first: Int64, width: int, *, by_lines: bool) -> None:
+def _check_rows(text: _Text, wrong: Bool, first: Int64, width: int, *, by_lines: bool) -> None:
     """Raise ValueError unless each vertex has `width` numbers, in its line if `by_lines`."""
     last = first + width - 1
     outside = last >= len(text.starts)
@@ -247,9 +251,7 @@ class _Faces(NamedTuple):
     by_index: bool  # whether faces have a single number in place of a color
 
 
-def _faces(
-    text: _Text, values: Float64, wrong: NDArray[np.bool_], begins: Int64, vertices: int, *, by_lines: bool
-) -> _Faces:
+def _faces(text: _Text, values: Float64, wrong: Bool, begins: Int64, vertices: int, *, by_lines: bool) -> _Faces:
     """Return the faces that begin at the words `begins` (P,). Colors are the words that follow in a face's line."""
     stops = np.searchsorted(text.lines, text.lines[begins], side="right") if len(begins) else begins
     stated = values[begins]
