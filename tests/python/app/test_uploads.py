@@ -13,7 +13,8 @@ from mesh_files import Gltf
 from PIL import Image
 
 import dfd
-from dfd.app.options import read_shape
+from dfd.app.options import OpenedFile, read_shape
+from dfd.app.session.kept_edits import upload_folder
 from dfd.app.web.uploads import BESIDE, FORMATS, MOST_FILES, receive
 
 OBJ = b"mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
@@ -159,6 +160,17 @@ def test_files_of_macos_are_no_files_of_a_zip(tmp_path: Path) -> None:
     upload = receive(named({"a.zip": zipped(content), "._a.zip": b"x"}), tmp_path, 10_000)
     assert upload.mesh is not None
     assert everything_in(tmp_path) == sorted([upload.mesh.path.name, "looks.mtl"])
+
+
+def test_a_stored_upload_finds_its_textures_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DFD_DATA", str(tmp_path))
+    upload = receive(named(RED_MESHES["a folder above"]), tmp_path / "edits" / "key", 100_000)
+    assert upload.mesh is not None
+    assert upload_folder(upload.mesh.path) == upload.folder
+    stored = OpenedFile("m.obj", upload.mesh.path, upload_folder(upload.mesh.path))
+    assert np.allclose(read_shape(stored)[0].vertex_colors(), (1, 0, 0, 1))
+    assert upload_folder(tmp_path / "a.obj") is None
+    assert upload_folder(tmp_path / "edits" / "key.json") is None
 
 
 def test_the_page_offers_what_a_mesh_names() -> None:
