@@ -77,6 +77,8 @@ def test_a_face_of_two_corners_is_left_out_and_said(ending: str, tmp_path: Path)
         ("CNOFF", "0 0 1 255 0 0 255"),
         ("STCNOFF", "0 0 1 1 0 0 1 0.25 0.75"),
         ("coff", "255 0 0"),
+        ("NCOFF", "0 0 1 255 0 0 255"),
+        ("NCOFF", "255 0 0 255 0 0 1"),
     ],
 )
 def test_colors_of_the_vertices_of_an_off_file(kind: str, columns: str, tmp_path: Path) -> None:
@@ -184,6 +186,14 @@ def test_colors_of_a_ply_file_by_name_and_range(names: tuple[str, ...], kind: st
     text = ply([f"{kind} {each}" for each in names], [f"{row} {color}" for row in TRIANGLE])
     expected = np.array(RED) if color != "1.0 0.0 0.0" else np.array([1 / 255, 0, 0, 1])
     assert np.allclose(reads(tmp_path / "a.ply", text).vertex_colors(), expected, atol=1e-6)
+
+
+def test_keywords_of_a_ply_file_in_any_case(tmp_path: Path) -> None:
+    text = (
+        ply([], TRIANGLE).replace("ply", "PLY", 1).replace("property", "PROPERTY").replace("list uchar", "List UChar")
+    )
+    text = text.replace("element vertex", "ELEMENT Vertex").replace("vertex_indices", "Vertex_Indices")
+    assert reads(tmp_path / "a.ply", text.replace("format ascii", "FORMAT ASCII")).faces.tolist() == [[0, 1, 2]]
 
 
 @pytest.mark.parametrize("kind", ["Float32", "FLOAT", "float64", "int64", "Int32"])

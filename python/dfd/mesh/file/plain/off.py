@@ -21,7 +21,8 @@ from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 
 _COMMENT = re.compile(rb"#[^\r\n]*")
-_KIND = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
+_KIND = re.compile(r"((?:ST|C|N|4|n)*)OFF")  # the format has a fixed order, which some programs do not keep
+_UNIT = 0.01  # largest difference of a unit normal's length from 1; text files round numbers
 _LARGEST = 2.0**53  # floats hold all whole numbers up to this one
 
 
@@ -106,7 +107,7 @@ def _parse(data: bytes) -> _Content:
     prefix = _KIND.fullmatch(kind)
     assert prefix is not None
     notes: list[str] = []
-    if prefix[5]:  # nOFF: the number of dimensions precedes the counts
+    if "n" in prefix[1]:  # nOFF: the number of dimensions precedes the counts
         if text.word(body) != "3":
             raise ValueError(f"its vertices have {shortened(text.word(body))} dimensions, and only 3 can be read")
         body += 1
@@ -114,7 +115,7 @@ def _parse(data: bytes) -> _Content:
         raise ValueError("it is a binary OFF file, which cannot be read: save it as text")
     vertex_count, face_count, body = _counts(text, body)
     values, wrong = _numbers(text, body)
-    most = [_columns(prefix, channels) for channels in ((4, 3) if prefix[2] else (0,))]
+    most = [_columns(prefix[1], channels) for channels in ((4, 3) if "C" in prefix[1] else (0,))]
     lines = np.flatnonzero(np.diff(text.lines[body:], prepend=-1)) + body  # the first word of each line
     layouts: list[tuple[_Columns, Int64, _Faces, bool]] = []
     refusals: list[ValueError] = []
@@ -142,6 +143,7 @@ def _parse(data: bytes) -> _Content:
         raise refusals[0]
     columns, first, found, by_lines = layouts[0]
     vertices = values[first[:, None] + np.arange(columns.width)]
+    columns = _by_length(columns, vertices)
     positions = vertices[:, :3].copy()
     if columns.scale is not None:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -200,15 +202,28 @@ def _counts(text: _Text, body: int) -> tuple[int, int, int]:
     return int(words[0]), int(words[1]), body + (3 if third else 2)
 
 
-def _columns(prefix: re.Match[str], channels: int) -> _Columns:
+def _columns(prefix: str, channels: int) -> _Columns:
     """Return the columns of a vertex, in their order: position, normal, color, texture coordinates."""
-    width = 4 if prefix[4] else 3
-    normal = width if prefix[3] else None
-    width += 3 if prefix[3] else 0
+    width = 4 if "4" in prefix else 3
+    normal = width if "N" in prefix else None
+    width += 3 if "N" in prefix else 0
     color = width if channels else None
     width += channels
-    uv = width if prefix[1] else None
-    return _Columns(3 if prefix[4] else None, normal, color, channels, uv, width + (2 if prefix[1] else 0))
+    uv = width if "ST" in prefix else None
+    return _Columns(3 if "4" in prefix else None, normal, color, channels, uv, width + (2 if "ST" in prefix else 0))
+
+
+def _by_length(columns: _Columns, vertices: Float64) -> _Columns:
+    """Return the columns with colors before normals, as some programs write them, if only these normals are unit."""
+    if columns.normal is None or columns.color is None:
+        return columns
+    swapped = columns._replace(color=columns.normal, normal=columns.normal + columns.channels)
+
+    def are_unit(each: _Columns) -> bool:
+        lengths = np.linalg.norm(vertices[:, each.normal :][:, :3], axis=1)
+        return bool((np.abs(lengths - 1) < _UNIT).all())
+
+    return swapped if are_unit(swapped) and not are_unit(columns) else columns
 
 
 def _numbers(text: _Text, body: int) -> tuple[Float64, Bool]:

@@ -213,8 +213,9 @@ def _parse(data: bytes) -> _Content:
                 raise malformed
             layout.append((words[1], int(words[2]), []))
         elif words[0] == "property":
-            types = [each.lower() for each in (words[2:4] if words[1:2] == ["list"] else words[1:2])]
-            if not layout or len(words) != (5 if words[1:2] == ["list"] else 3) or not set(types) <= set(_TYPES):
+            is_list = [each.lower() for each in words[1:2]] == ["list"]
+            types = [each.lower() for each in (words[2:4] if is_list else words[1:2])]
+            if not layout or len(words) != (5 if is_list else 3) or not set(types) <= set(_TYPES):
                 raise malformed
             dtypes = [np.dtype((order or "=") + _TYPES[each]) for each in types]
             if dtypes[:-1] and dtypes[0].kind == "f":
@@ -239,7 +240,7 @@ def _parse(data: bytes) -> _Content:
                 start = _read_rows(body, start, name, count, properties)
             for each in properties:
                 each.values = _typed(each.values, each)
-            content.elements.setdefault(name, {}).update({each.name.lower(): each for each in properties})
+            content.elements.setdefault(name.lower(), {each.name.lower(): each for each in properties})
     except ValueError:
         if not order:
             _check_lines(written, layout, line_count)
