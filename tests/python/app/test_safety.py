@@ -170,7 +170,7 @@ def test_an_allowed_host_gets_through_a_proxy(host: str, origin: str, root: str)
     [
         *("https://evil.example", "https://hub.example.org.evil.example", "https://evil.example/hub.example.org"),
         *("https://hub.example.org@evil.example", "ftp://hub.example.org", "null", "hub.example.org", "https://"),
-        "https://sub.hub.example.org",
+        *("https://sub.hub.example.org", "https://[hub.example.org]@evil.example", "https://[hub.example.org]/evil"),
     ],
 )
 def test_all_other_origins_stay_refused_behind_a_proxy(origin: str) -> None:
