@@ -56,7 +56,7 @@ def test_no_other_file_is_read(there: list[str], name: str, tmp_path: Path) -> N
     [
         (["t/a.png", "m/x"], "../t/a.png", "t/a.png"),
         (["t/a.png", "m/x"], "a.png", "t/a.png"),
-        (["t/b/a.png", "u/a.png", "m/x"], "B/a.png", "t/b/a.png"),
+        (["a/a.png", "t/b/a.png", "m/x"], "B/a.png", "t/b/a.png"),
     ],
 )
 def test_in_the_folder_of_an_upload(there: list[str], name: str, found: str, tmp_path: Path) -> None:
