@@ -26,6 +26,7 @@ class OpenedFile:
 
     name: str
     path: Path
+    folder: Path | None = None  # the folder of the upload, in which files that this file names may be anywhere
 
 
 Source = OpenedFile | str  # the source of a shape: a file, or the name of a sample
@@ -77,10 +78,10 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
         import dfd.samples as samples
 
         return getattr(samples, check_sample(source))(SAMPLE_FACES).mesh, []
-    from dfd.mesh.mesh import load
+    from dfd.mesh.mesh import load_within
 
     with check.recorded_warnings() as messages:
-        mesh = load(source.path)
+        mesh = load_within(source.path, source.folder)
     return mesh, [str(each).replace(str(source.path), source.name).removeprefix("load: ") for each in messages]
 
 

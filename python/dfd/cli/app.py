@@ -28,6 +28,13 @@ def app(
     host: Annotated[
         str, Option(help="The address of the server. With the default, other machines cannot connect.")
     ] = "127.0.0.1",
+    allow_host: Annotated[
+        list[str] | None,
+        Option(metavar="NAME", help="A host name under which a proxy shows the app. Can be given several times."),
+    ] = None,
+    root_path: Annotated[
+        str, Option(metavar="PATH", help="The path under which a proxy shows the app, such as /user/me/app.")
+    ] = "",
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Edit MESH in a browser: drag a point of it, and all similar parts follow."""
@@ -41,7 +48,7 @@ def app(
     try:
         from dfd.app.options import OpenedFile, SessionOptions, check_sample
         from dfd.app.web.launch import serve
-        from dfd.app.web.safety import loopback
+        from dfd.app.web.safety import check_host_name, check_root_path, loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): {pip_install('app')}") from None
     files = (None if path is None else OpenedFile(path.name, path.resolve()) for path in (mesh, field, edit))
@@ -53,9 +60,31 @@ def app(
         preset=preset_of(preset, edit),
         encoder=encoder,
     )
+    for option, check, values in (
+        ("--allow-host", check_host_name, allow_host or []),
+        ("--root-path", check_root_path, [root_path]),
+    ):
+        for value in values:
+            try:
+                check(value)
+            except ValueError as error:
+                raise ValueError(f"`{option}` {error}") from None
+    if allow_host:
+        say(
+            "dfd: anybody who has the address with the token can open and change everything in the app, through the "
+            f"proxy of {', '.join(allow_host)}"
+        )
     if not loopback(host):
         say(
             f"dfd: with the host {host}, other machines can connect without encryption: anybody with the address can "
             "open and change everything in the app; an SSH tunnel to the default host is safer"
         )
-    serve(start, host=host, port=port, browser=browser, tell=partial(say, result=True))
+    serve(
+        start,
+        host=host,
+        port=port,
+        browser=browser,
+        tell=partial(say, result=True),
+        allowed_hosts=tuple(allow_host or ()),
+        root_path=root_path,
+    )

@@ -142,6 +142,9 @@ def keywords(given: Iterable[str], known: Collection[str], kind: str) -> None:
 
 def ending(function: str | None, name: str, path: str | os.PathLike[str], endings: Sequence[str]) -> str:
     """Return the first of `endings` with which the file name in `path` ends; raise ValueError if there is none."""
+    if not isinstance(path, str | os.PathLike):
+        what = "save to a file, and read its bytes" if hasattr(path, "write") else "pass a text or a pathlib.Path"
+        raise ArgumentError(name, f"must be a path, got {type(path).__name__}: {what}", function)
     for each in endings:
         if Path(path).name.lower().endswith(each):
             return each

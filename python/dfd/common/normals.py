@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, group_sums, nearest_rotations, unit
 
 _FACES_AT_ONCE = 1 << 20  # largest number of faces that are processed together, which limits the memory
-_OPPOSITE = -0.99  # cosine below which two faces at a vertex are the sides of a sheet
 
 
 def face_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Float64:
@@ -46,18 +45,10 @@ def turned_normals(normals: Float64, vertices: Float64, before: Float64, faces: 
     rotation nearest to the mean deformation gradient of its faces, and then as the mean normal of its faces does.
     """
     count = len(normals)
-    old, new = face_normals(before, faces), face_normals(vertices, faces)
-    kept = old.any(axis=1) & new.any(axis=1)
-    faces, group, old, new = faces[kept], group[kept], old[kept], new[kept]
-    area = np.linalg.norm(old, axis=1, keepdims=True)
+    faces, group, old, new = _with_area(vertices, before, faces, group)
     side = np.zeros((count + 1, 3))
     side[group[::-1].T] = old[::-1]  # the normal of the first face; on two-sided sheets, others are opposite
-    first, second, third = before[faces].transpose(1, 0, 2)
-    to_first, to_second, to_third = vertices[faces].transpose(1, 0, 2)
-    a, b, up = second - first, third - first, old / area
-    gradient = np.einsum("fi,fj->fij", to_second - to_first, np.cross(b, up))
-    gradient += np.einsum("fi,fj->fij", to_third - to_first, np.cross(up, a))
-    gradient += np.einsum("fi,fj->fij", unit(new), old)
+    gradient = _gradients(vertices, before, faces, old, new)
     sums = np.zeros((count + 1, 15))
     for corner in group.T:
         sign = np.where(np.einsum("fi,fi->f", side[corner], old) < 0, -1.0, 1.0)[:, None]
@@ -73,21 +64,39 @@ def turned_normals(normals: Float64, vertices: Float64, before: Float64, faces: 
     return np.where(known, closer, turned)
 
 
-def split_sheets(faces: Int64, normals: Float64, count: int) -> tuple[Int64, Int64]:
-    """Return the source (R,) of each of R rows, and the faces (F, 3): both sides of a sheet get rows of their own.
+def mean_gradients(vertices: Float64, before: Float64, faces: Int32, group: Int64, count: int) -> Float64:
+    """Return the area-weighted mean deformation gradients (`count`, 3, 3) of surfaces that move as in `turned_normals`.
 
-    `faces` (F, 3) have the `normals` (F, 3), and refer to `count` rows.
+    Groups without a face that has an area get the identity.
     """
-    up = unit(normals)
-    front = np.zeros((count, 3))
-    front[faces[::-1].T] = up[::-1]
-    cosine = np.einsum("fci,fi->fc", front[faces], up)
-    sheets = np.zeros(count, bool)
-    sheets[faces[cosine < _OPPOSITE]] = True
-    back = sheets[faces] & (cosine < 0)
-    if not back.any():
-        return np.arange(count), faces
-    doubled, number = np.unique(faces[back], return_inverse=True)
-    split = faces.copy()
-    split[back] = count + number
-    return np.concatenate([np.arange(count), doubled]), split
+    faces, group, old, new = _with_area(vertices, before, faces, group)
+    gradient = _gradients(vertices, before, faces, old, new).reshape(-1, 9)
+    area = np.linalg.norm(old, axis=1, keepdims=True)
+    sums = np.zeros((count + 1, 10))
+    for corner in group.T:
+        sums += group_sums(corner, np.hstack([gradient, area]), count + 1)
+    total = sums[:count, 9:]
+    mean = np.where(total > 0, sums[:count, :9] / np.where(total > 0, total, 1), np.eye(3).ravel())
+    return mean.reshape(-1, 3, 3)
+
+
+def _with_area(vertices: Float64, before: Float64, faces: Int32, group: Int64) -> tuple[Int32, Int64, Float64, Float64]:
+    """Return the faces that have an area before and after, their groups, and their normals (F, 3) before and after."""
+    old, new = face_normals(before, faces), face_normals(vertices, faces)
+    kept = old.any(axis=1) & new.any(axis=1)
+    return faces[kept], group[kept], old[kept], new[kept]
+
+
+def _gradients(vertices: Float64, before: Float64, faces: Int32, old: Float64, new: Float64) -> Float64:
+    """Return the deformation gradient (F, 3, 3) of each face, times twice its area.
+
+    The gradient maps the face's edges to their new places, and its unit normal to the new one. `old` and `new` (F, 3)
+    are the normals of faces, as in `face_normals`.
+    """
+    first, second, third = before[faces].transpose(1, 0, 2)
+    to_first, to_second, to_third = vertices[faces].transpose(1, 0, 2)
+    a, b, up = second - first, third - first, old / np.linalg.norm(old, axis=1, keepdims=True)
+    gradient = np.einsum("fi,fj->fij", to_second - to_first, np.cross(b, up))
+    gradient += np.einsum("fi,fj->fij", to_third - to_first, np.cross(up, a))
+    gradient += np.einsum("fi,fj->fij", unit(new), old)
+    return gradient

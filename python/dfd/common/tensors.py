@@ -1,6 +1,7 @@
 """Convert torch tensors to NumPy arrays that share their memory, and back. This module never imports torch."""
 
 import sys
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -31,15 +32,37 @@ def shared(function: str | None, name: str, value: Any) -> Any:
     if type(value) is np.ndarray:
         return value
     if isinstance(value, np.ma.MaskedArray):
-        raise ArgumentError(name, "must not be a masked array: fill or remove the masked values", function)
+        masked = int(np.count_nonzero(np.ma.getmaskarray(value)))
+        what = (
+            f"fill or remove its {masked} masked values" if masked else "it has no masked values, so pass its `.data`"
+        )
+        raise ArgumentError(name, f"must not be a masked array: {what}", function)
     if not is_tensor(value):
-        return value
+        return _plain(function, name, value)
+    if value.layout is not sys.modules["torch"].strided:
+        raise ArgumentError(name, "must be dense, got a sparse tensor: pass `.to_dense()`", function)
     if value.device.type != "cpu":
         raise ArgumentError(name, f"must be on the CPU, got a tensor on {value.device}", function)
     try:
         return value.detach().resolve_conj().resolve_neg().numpy()
     except (TypeError, RuntimeError, NotImplementedError):
-        raise ArgumentError(name, f"must be a dense array of numbers, got {value.dtype}", function) from None
+        raise ArgumentError(
+            name, f"must have a type that NumPy has, got {value.dtype}: pass `.float()` or `.long()`", function
+        ) from None
+
+
+def _plain(function: str | None, name: str, value: Any) -> Any:
+    """Return `value`. Raises ValueError if it is a sparse matrix, or a table whose columns NumPy cannot read."""
+    kind = type(value)
+    if hasattr(value, "nnz") and hasattr(value, "toarray"):
+        raise ArgumentError(name, f"must be dense, got a sparse {kind.__name__}: pass `.toarray()`", function)
+    if kind.__module__.startswith("pandas") and hasattr(value, "to_numpy") and np.asarray(value).dtype == object:
+        what = "missing values, or columns that are not numbers: fill or remove them, then pass `.to_numpy(float)`"
+        with suppress(TypeError, ValueError):
+            if not np.isnan(value.to_numpy("float64", na_value=np.nan)).any():
+                what = "a nullable type: pass `.to_numpy(float)` or `.to_numpy(int)`"
+        raise ArgumentError(name, f"must be a numeric array, got a {kind.__name__} with {what}", function)
+    return value
 
 
 def output(

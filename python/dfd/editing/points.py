@@ -95,13 +95,21 @@ def place_on(mesh: Mesh, at: Any) -> Place:
         return _region_place(mesh, at)[0]
     if isinstance(at, np.ndarray) and at.ndim == 1 and at.dtype.kind in "iub":
         return _region_place(mesh, VertexSet.of(mesh, at))[0]
+    if isinstance(at, list | tuple | set | range) and len(at) != 3 and all(isinstance(each, int) for each in at):
+        what = f"got {len(at)} whole numbers: pass vertex indices as a NumPy array, `np.array([…])`"
+        raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, {what}")
     if np.ndim(at) == 0:
         if isinstance(at, bool) or not isinstance(at, int | np.integer):
             raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, got {at!r}")
         vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices))[0])
         return Place(vector("at", mesh.vertices[vertex]), vertex)
     point = vector("at", at)
-    nearest_vertex(mesh, point)
+    try:
+        nearest_vertex(mesh, point)
+    except ArgumentError as error:
+        if not all(isinstance(each, int | np.integer) for each in at):
+            raise
+        raise ArgumentError("at", f"{error.reason}; pass vertex indices as a NumPy array, `np.array([…])`") from None
     return Place(point)
 
 

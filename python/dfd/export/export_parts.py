@@ -31,8 +31,8 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
     Raises ValueError if the file ending is not supported, or there are no parts. Raises OSError if the file cannot be
     written; an existing file stays unchanged.
     """
+    ending = check.ending("export_parts", "path", path, ENDINGS)
     target = Path(path)
-    ending = check.ending("export_parts", "path", target, ENDINGS)
     if not parts:
         raise ArgumentError("parts", "must hold a part, got none", "export_parts")
     of_vertex = np.argmax([part.mask for part in parts], axis=0)

@@ -79,8 +79,8 @@ def export_rig(
     >>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
     >>> report = dfd.export_rig(session, "chair_rigged.glb")
     """
+    check.ending("export_rig", "path", path, ENDINGS)
     target = Path(path)
-    check.ending("export_rig", "path", target, ENDINGS)
     form, note = form_for(session.mesh, target, form)
     most = _most(influences)
     own = () if form == "baked" else session.edit.poses

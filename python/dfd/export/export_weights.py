@@ -38,8 +38,8 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
     cannot be written; an existing file stays unchanged.
     """
+    ending = check.ending("export_weights", "path", path, ENDINGS)
     target, edit, mesh = Path(path), session.edit, session.mesh
-    ending = check.ending("export_weights", "path", target, ENDINGS)
     if not edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)

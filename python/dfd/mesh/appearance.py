@@ -27,6 +27,9 @@ class Material:
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alpha_cutoff: float = 0.5  # in mode MASK, alpha becomes 0 below this value, and 1 otherwise
     name: str = ""
+    # Scale and offset (scale u, scale v, offset u, offset v) of the texture coordinates of a geometry. They are already
+    # applied to those of an `Appearance`.
+    placement: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
     is_default: bool = False  # whether this is a substitute, because the file defines no usable color or texture
 
     def shown(self, *, has_colors: bool) -> Material:

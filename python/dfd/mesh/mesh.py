@@ -192,12 +192,14 @@ class Mesh(ReadOnlyArrays):
         """Write the mesh to `path`, whose ending selects the format. If given, `vertices` (V, 3) are the new positions.
 
         A mesh from a file keeps the file's parts, names, materials, UVs, textures, colors and units, as far as the
-        format can store them. Normals follow the moved surface. If the format is that of the source file, all other
-        data keep their values and number types. Without an edit, all bytes stay, except references to other files: in
-        another folder, materials are copied, and data of glTF files is embedded. The file is written atomically.
+        format can store them. Normals and tangents follow the moved surface. If the format is that of the source file,
+        all other data keep their values and number types. Without an edit, all bytes stay, except references to other
+        files: in another folder, materials are copied, and data of glTF files is embedded. The file is written
+        atomically.
 
         Warns if rounding to 32-bit floats moves a vertex by more than 0.001 % of the bounding box's diagonal. Only STL
-        files, and glTF meshes with a skin or morph targets, store such positions.
+        files, and glTF meshes with a skin or morph targets, store such positions. Warns if a glTF file cannot hold the
+        numbers of a further attribute, such as whole numbers above 2²⁴.
 
         Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf. Raises ValueError if
         `vertices` has a wrong shape or is not finite. Raises OSError if the file cannot be written; an existing file is
@@ -267,8 +269,9 @@ def load(
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
     Vertices that no face uses may lack a position; in the mesh, they are at 0.
 
-    Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if an OBJ or PLY file
-    has faces with fewer than three corners; the mesh omits these faces.
+    Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if a file has faces with
+    fewer than three corners, which the mesh omits. Warns if some colors or texture coordinates are missing, or if an
+    option of a texture or a kind of color is not applied; the page "Mesh files" of the documentation lists them.
 
     Examples
     --------
@@ -302,7 +305,19 @@ def load(
         raise ValueError(
             "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene or a pair (vertices, faces), "
             f"got {type(source).__name__}"
+            f"{': write its bytes to a file first' if hasattr(source, 'read') else ''}"
         )
+    return _of_scene(scene)
+
+
+def load_within(path: Path, root: Path | None) -> Mesh:
+    """Read a mesh as `load` does, with materials, images and buffers from anywhere in the folder `root`."""
+    from dfd.mesh.file.read import read
+
+    return _of_scene(read(path, root=root))
+
+
+def _of_scene(scene: SceneFile) -> Mesh:
     return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
 
 

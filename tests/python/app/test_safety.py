@@ -11,7 +11,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfd.app.web.safety import NOT_ALLOWED, Guard, Rules
+from dfd.app.web.safety import NOT_ALLOWED, Guard, Rules, check_host_name, check_root_path
 
 HOST = "127.0.0.1:8765"
 ORIGIN = f"http://{HOST}"
@@ -145,3 +145,84 @@ def test_a_server_for_other_machines_goes_by_numbers_and_not_by_any_name() -> No
     assert not rules.is_own_host("evil.example")
     assert not Rules(host="127.0.0.1").is_own_host("192.168.3.4")
     assert Rules(host="workstation.lab").is_own_host("workstation.lab")
+
+
+# Behind a proxy
+
+PROXIED = Rules(token="the-token", allowed_hosts=("hub.example.org",), root_path="/user/me")
+
+
+@pytest.mark.parametrize("host", ["hub.example.org", "HUB.example.org:443", HOST])
+@pytest.mark.parametrize(
+    "origin", ["https://hub.example.org", "http://hub.example.org:8080", "https://hub.example.org:443"]
+)
+@pytest.mark.parametrize("root", ["", "/user/me"])
+def test_an_allowed_host_gets_through_a_proxy(host: str, origin: str, root: str) -> None:
+    """The proxy may pass on its own host name or that of the server, and may remove the path or not."""
+    headers = {"Host": host, "Origin": origin}
+    assert client(PROXIED).post(f"{root}/", headers=headers).text == "secret"
+    with client(PROXIED).websocket_connect(f"{root}/ws", headers=headers) as socket:
+        assert socket.receive_text() == "secret"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        *("https://evil.example", "https://hub.example.org.evil.example", "https://evil.example/hub.example.org"),
+        *("https://hub.example.org@evil.example", "ftp://hub.example.org", "null", "hub.example.org", "https://"),
+        *("https://sub.hub.example.org", "https://[hub.example.org]@evil.example", "https://[hub.example.org]/evil"),
+    ],
+)
+def test_all_other_origins_stay_refused_behind_a_proxy(origin: str) -> None:
+    for host in (HOST, "hub.example.org"):
+        headers = {"Host": host, "Origin": origin}
+        assert client(PROXIED).post("/", headers=headers).status_code == 403
+        refused(client(PROXIED), "/ws", headers)
+
+
+@pytest.mark.parametrize("host", ["evil.example", "sub.hub.example.org", "10.0.0.1:8765"])
+def test_all_other_hosts_stay_refused_behind_a_proxy(host: str) -> None:
+    assert client(PROXIED).get("/", headers={"Host": host}).status_code == 421
+
+
+@pytest.mark.parametrize("root", ["", "/user/me"])
+def test_the_token_guards_behind_a_proxy(root: str) -> None:
+    browser = client(PROXIED, known=False)
+    assert browser.get(f"{root}/", headers={"Host": "hub.example.org"}).status_code == 403
+    response = browser.get(f"{root}/?token=the-token&look=clay", headers={"Host": "hub.example.org"})
+    assert response.headers["location"] == "/user/me/?look=clay"
+    assert "path=/user/me/" in response.headers["set-cookie"].lower()
+    headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Host": "hub.example.org"}
+    assert client(PROXIED, known=False).get(f"{root}/", headers=headers).headers["refresh"] == "0; url=/user/me/"
+
+
+def test_a_cookie_of_a_page_with_tls_is_secure() -> None:
+    browser = client(PROXIED, known=False)
+    browser.base_url = "https://hub.example.org"  # type: ignore[assignment]
+    assert "secure" in browser.get("/?token=the-token").headers["set-cookie"].lower()
+
+
+@pytest.mark.parametrize("path", ["/user/meme/", "/user/you/", "/user/me/user/me/"])
+def test_another_path_is_not_the_root(path: str) -> None:
+    assert client(PROXIED).get(path).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "name", ["*", "*.example.org", "https://hub", "hub:80", "hub/p", "", "a b", "-a", "hub.", "a..b"]
+)
+def test_names_that_are_no_host_names(name: str) -> None:
+    with pytest.raises(ValueError, match="must be a host name"):
+        check_host_name(name)
+
+
+@pytest.mark.parametrize("path", ["p", "/p q", "//evil", "/a/../b", "/a?b", "https://a/b", "/./a"])
+def test_paths_that_are_no_root(path: str) -> None:
+    with pytest.raises(ValueError, match="must be a path"):
+        check_root_path(path)
+
+
+def test_names_and_paths_are_normalized() -> None:
+    assert check_host_name("Hub.Example.ORG") == "hub.example.org"
+    assert check_host_name("10.1.2.3") == "10.1.2.3"
+    assert [check_root_path(each) for each in ("", "/", "/p/", "/user/me.x/proxy/8765")] == [
+        "", "", "/p", "/user/me.x/proxy/8765"]  # fmt: skip

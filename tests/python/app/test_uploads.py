@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mesh_files import Gltf
+from PIL import Image
 
 import dfd
-from dfd.app.web.uploads import MOST_FILES, receive
+from dfd.app.options import OpenedFile, read_shape
+from dfd.app.session.kept_edits import upload_folder
+from dfd.app.web.uploads import BESIDE, FORMATS, MOST_FILES, receive
 
 OBJ = b"mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
 MTL = b"newmtl red\nKd 1 0 0\n"
@@ -81,6 +87,97 @@ def test_an_uploaded_obj_reads_nothing_outside_its_folder(tmp_path: Path) -> Non
         assert dfd.load(upload.mesh.path).appearance is None
 
 
+# Files that a mesh names
+
+
+def picture(red: int = 255) -> bytes:
+    stream = io.BytesIO()
+    Image.new("RGB", (4, 4), (red, 0, 0)).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def textured(name: str, library: str = "looks.mtl") -> dict[str, bytes]:
+    obj = f"mtllib {library}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+    return {"m.obj": obj.encode(), "looks.mtl": f"newmtl m\nmap_Kd {name}\n".encode()}
+
+
+def scene(uri: str) -> tuple[bytes, bytes]:
+    """A glTF file whose buffer is scene.bin, and whose texture is `uri`."""
+    gltf = Gltf()
+    uv = gltf.accessor(np.zeros((3, 2)), 5126, "VEC2")
+    gltf.node(mesh=gltf.mesh("t", np.eye(3), [(0, 1, 2)], attributes={"TEXCOORD_0": uv}, material=0))
+    gltf.header["buffers"] = [{"byteLength": len(gltf.data), "uri": "scene.bin"}]
+    gltf.header |= {"images": [{"uri": uri}], "textures": [{"source": 0}]}
+    gltf.header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    return json.dumps(gltf.header).encode(), gltf.data
+
+
+RED_MESHES = {
+    "a number sign": {**textured("a#1.png"), "a#1.png": picture()},
+    "a percent sign": {**textured("50% a&b!.png"), "50% a&b!.png": picture()},
+    "loose": {"m.gltf": scene("textures/a.png")[0], "scene.bin": scene("")[1], "a.png": picture()},
+    "an escaped name": {"m.gltf": scene("textures/a%231.png")[0], "scene.bin": scene("")[1], "a#1.png": picture()},
+    "a dropped folder": {f"f/{name}": data for name, data in {**textured("t/a.png"), "t/a.png": picture()}.items()},
+    "source and textures": {
+        "x/source/m.obj": textured("a.png")["m.obj"],
+        "x/source/looks.mtl": textured("a.png")["looks.mtl"],
+        "x/textures/a.png": picture(),
+    },
+    "a folder above": {
+        "source/m.obj": textured("../textures/a.png")["m.obj"],
+        "source/looks.mtl": textured("../textures/a.png")["looks.mtl"],
+        "textures/a.png": picture(),
+    },
+    "another case": {**textured("Textures/A.PNG", "Looks.MTL"), "textures/a.png": picture()},
+    "a path of another machine": {**textured("C:\\Users\\me\\a.png"), "a.png": picture()},
+    "two of one name": {**textured("b/a.png"), "a/a.png": picture(0), "c/b/a.png": picture(), "d/a.png": picture(0)},
+    "attributes of macOS": {
+        **textured("a.png"),
+        "a.png": picture(),
+        "._m.obj": b"x",
+        "._a.png": b"x",
+        ".DS_Store": b"x",
+    },
+}
+
+
+@pytest.mark.parametrize("name", RED_MESHES)
+@pytest.mark.parametrize("packed", [False, True])
+def test_textures_are_found_by_path_or_else_by_name(name: str, packed: bool, tmp_path: Path) -> None:
+    content = RED_MESHES[name]
+    upload = receive(named({"a.zip": zipped(content)} if packed else content), tmp_path, 100_000)
+    assert upload.mesh is not None
+    mesh, warnings = read_shape(upload.mesh)
+    assert warnings == []
+    assert np.allclose(mesh.vertex_colors(), (1, 0, 0, 1))
+    (tmp_path / "out").mkdir()
+    mesh.save(tmp_path / "out" / f"o{upload.mesh.path.suffix}", mesh.vertices * 2)
+    assert np.allclose(dfd.load(tmp_path / "out" / f"o{upload.mesh.path.suffix}").vertex_colors(), (1, 0, 0, 1))
+
+
+def test_files_of_macos_are_no_files_of_a_zip(tmp_path: Path) -> None:
+    content = {"x/m.obj": OBJ, "x/__MACOSX/._m.obj": b"x", "x/._n.obj": b"x", "x/looks.mtl": MTL}
+    upload = receive(named({"a.zip": zipped(content), "._a.zip": b"x"}), tmp_path, 10_000)
+    assert upload.mesh is not None
+    assert everything_in(tmp_path) == sorted([upload.mesh.path.name, "looks.mtl"])
+
+
+def test_a_stored_upload_finds_its_textures_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DFD_DATA", str(tmp_path))
+    upload = receive(named(RED_MESHES["a folder above"]), tmp_path / "edits" / "key", 100_000)
+    assert upload.mesh is not None
+    assert upload_folder(upload.mesh.path) == upload.folder
+    stored = OpenedFile("m.obj", upload.mesh.path, upload_folder(upload.mesh.path))
+    assert np.allclose(read_shape(stored)[0].vertex_colors(), (1, 0, 0, 1))
+    assert upload_folder(tmp_path / "a.obj") is None
+    assert upload_folder(tmp_path / "edits" / "key.json") is None
+
+
+def test_the_page_offers_what_a_mesh_names() -> None:
+    assert {".mtl", ".bin", ".png", ".jpg"} <= set(BESIDE)
+    assert not set(BESIDE) & set(FORMATS)
+
+
 def broken(position: int) -> bytes:
     """Return a ZIP file with one changed byte in its compressed data."""
     data = bytearray(zipped({"a.obj": OBJ * 20}))
@@ -98,6 +195,7 @@ CLASHES = [("a", "a/b.obj"), ("a/b.obj", "a"), ("a.obj", "./a.obj")]
         ({"a.obj": OBJ, "b.obj": OBJ}, "Open one .obj file at a time, got a.obj, b.obj"),
         ({"a.png": b"x"}, "There must be a file that ends in one of .*, got a.png"),
         ({"a.json": b"x", "b.json": b"x"}, "Open one .json file at a time"),
+        ({"a.zip": zipped({"b/c.zip": zipped({"a.obj": OBJ})})}, "c.zip is a ZIP file in a ZIP file: unpack it"),
         ({"": b"x"}, "There must be a file"),
         ({}, "There must be a file"),
         ({"a.obj": b"x" * 1_000_001}, "larger than this server takes"),

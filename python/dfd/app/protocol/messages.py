@@ -164,6 +164,7 @@ class SessionMessage(Answer):
     samples: tuple[str, ...]
     upload_bytes: int  # largest total size of an upload
     formats: tuple[str, ...]  # file endings that `POST /upload` accepts
+    beside: tuple[str, ...]  # file endings of textures, materials and buffers, which a mesh may name
     controls: tuple[ControlEntry, ...] = control_entries()
 
 

@@ -246,5 +246,13 @@ def _link_or_copy(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
+def upload_folder(path: Path) -> Path | None:
+    """Return the stored folder of the upload to which the file `path` belongs; None for all other files."""
+    if not path.is_relative_to(_folder()):
+        return None
+    steps = path.relative_to(_folder()).parts
+    return _folder().joinpath(*steps[:2]) if len(steps) > 2 else None
+
+
 def _folder() -> Path:
     return data_directory() / "edits"

@@ -16,7 +16,7 @@ from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
 from dfd.app.session.course import ENDS, STAGES
-from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits
+from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits, upload_folder
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing, quantized
 from dfd.app.session.surface import mesh_message
@@ -202,7 +202,7 @@ class Session:
         """Open a shape of the list `recent`, which `start` and `mesh` contain, and continue its edit."""
         found = find_recent(key)
         sample = found.name if found.name in SAMPLES else None
-        mesh = sample if found.mesh is None else OpenedFile(found.name, found.mesh)
+        mesh = sample if found.mesh is None else OpenedFile(found.name, found.mesh, upload_folder(found.mesh))
         if mesh is None:
             raise ValueError(f"The file of {found.name} is gone. Open the mesh again: its edit is kept")
         field = None if found.field is None else OpenedFile(found.field.name, found.field)

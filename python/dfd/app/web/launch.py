@@ -7,14 +7,15 @@ import sys
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import uvicorn
 
 from dfd.app.options import SessionOptions
 from dfd.app.web.access_token import kept_token, new_token
-from dfd.app.web.safety import Rules, loopback
+from dfd.app.web.safety import Rules, check_host_name, check_root_path, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
 
 DEFAULT_PORT = 8765
@@ -23,9 +24,11 @@ DEFAULT_PORT = 8765
 class RunningApp:
     """A server of the app. `start` runs it on a new thread, `run` on the current thread. Port 0 selects any free port.
 
-    Web pages from the origins `frame_ancestors`, such as "http://localhost:*", may show the app in a frame.
+    Web pages from the origins `frame_ancestors`, such as "http://localhost:*", may show the app in a frame. A proxy may
+    show it under the host names `allowed_hosts`, at the path `root_path`.
 
-    Raises OSError if the port is taken, or the host is not an address of this machine.
+    Raises ValueError if a host name or the path is malformed. Raises OSError if the port is taken, or the host is not
+    an address of this machine.
     """
 
     def __init__(
@@ -35,9 +38,12 @@ class RunningApp:
         host: str = "127.0.0.1",
         port: int = 0,
         frame_ancestors: tuple[str, ...] = (),
+        allowed_hosts: Sequence[str] = (),
+        root_path: str = "",
         upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
     ) -> None:
+        hosts, root = tuple(map(check_host_name, allowed_hosts)), check_root_path(root_path)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
             self._socket = socket.create_server((host, port), family=family, backlog=128)
@@ -45,10 +51,11 @@ class RunningApp:
             reason = (error.strerror or "").partition(" (while")[0]  # the text after it repeats the address
             raise OSError(error.errno, f"cannot listen at {host}:{port}: {reason}") from None
         self.port = int(self._socket.getsockname()[1])
-        token = kept_token() if loopback(host) and not frame_ancestors else new_token()
-        self.rules = Rules(host, token, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
+        token = kept_token() if loopback(host) and not frame_ancestors and not hosts else new_token()
+        self.rules = Rules(host, token, f"dfd-{self.port}", frame_ancestors, hosts, root)
         name = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
-        self.url = f"http://{name}:{self.port}/?token={self.rules.token}"
+        self.url = f"http://{name}:{self.port}{root}/?token={self.rules.token}"
+        self.proxied = [f"https://{each}{root}/?token={self.rules.token}" for each in hosts]  # if the proxy has TLS
         self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
         self.sessions = Sessions(Path(self._root.name), options, upload_bytes)
         config = uvicorn.Config(
@@ -107,21 +114,32 @@ def check_built(static: Path = STATIC) -> None:
         )
 
 
-def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool, tell: Callable[[str], None]) -> None:
-    """Run the app until it is interrupted. `tell` is called with the address of the page.
+def serve(
+    options: SessionOptions,
+    *,
+    host: str,
+    port: int | None,
+    browser: bool,
+    tell: Callable[[str], None],
+    allowed_hosts: Sequence[str] = (),
+    root_path: str = "",
+) -> None:
+    """Run the app until it is interrupted. `tell` is called with the address of the page, and those behind a proxy.
 
     If `port` is None, the app uses the default port, or any free port if the default port is taken.
 
     Raises OSError if the page has not been built, the port is taken, or `host` is not an address of this machine.
     """
     check_built()
+    start = partial(RunningApp, options, host=host, allowed_hosts=allowed_hosts, root_path=root_path)
     try:
-        app = RunningApp(options, host=host, port=DEFAULT_PORT if port is None else port)
+        app = start(port=DEFAULT_PORT if port is None else port)
     except OSError:
         if port is not None:
             raise
-        app = RunningApp(options, host=host)
-    tell(app.url)
+        app = start()
+    for url in (app.url, *app.proxied):
+        tell(url)
     timer = threading.Timer(0.5, lambda: webbrowser.open(app.redirecting_file().as_uri()))
     timer.daemon = True
     if browser and loopback(host):

@@ -3,10 +3,14 @@
 A page of another site can make a browser send requests to this server and, by DNS rebinding, read the answers. So a
 request needs a Host header that names this server, an Origin header of this server (optional for GET), and a cookie.
 The server sets the cookie only if the address contains the secret token.
+
+Behind a proxy, the names in `Rules.allowed_hosts` are also names of this server, in both headers, with any port and
+with http or https. The proxy may remove the path `Rules.root_path` from addresses, or pass it on.
 """
 
 import hmac
 import ipaddress
+import re
 import socket
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -18,6 +22,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from dfd.app.web.access_token import new_token
 
+_HOST_NAME = re.compile(r"(?!-)[\w-]{1,63}(\.[\w-]{1,63})*", re.ASCII)
+_ROOT_PATH = re.compile(r"(/(?!\.{1,2}(/|$))[\w.~@%+=:-]+)+", re.ASCII)
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 NOT_ALLOWED = 4403  # close code of a rejected WebSocket
 
@@ -42,6 +48,8 @@ class Rules:
     token: str = field(default_factory=new_token)  # the secret in the printed address
     cookie: str = "dfd"  # name of the cookie; the servers of one machine need different names
     frame_ancestors: Collection[str] = ()  # origins whose pages may show this one in a frame
+    allowed_hosts: Collection[str] = ()  # further host names, in lower case, under which proxies show the page
+    root_path: str = ""  # the path under which a proxy shows the page, such as "/p"; without a slash at the end
 
     def is_own_host(self, name: str) -> bool:
         """Return whether `name` (without a port) is a host name of this server.
@@ -50,15 +58,36 @@ class Rules:
         IP addresses is safe, because DNS rebinding needs a host name.
         """
         name = name.lower()
-        if name in (*LOOPBACK_NAMES, self.host.lower()):
+        if name in (*LOOPBACK_NAMES, self.host.lower(), *self.allowed_hosts):
             return True
         if loopback(self.host):
             return False
         return _address(name) is not None or name in (socket.gethostname().lower(), socket.getfqdn().lower())
 
+    def is_own_origin(self, origin: str, host: str) -> bool:
+        """Return whether pages of `origin` may send requests to this server, under the name and the port `host`."""
+        scheme, _, rest = origin.partition("://")
+        allowed = scheme in ("http", "https") and _without_port(rest).lower() in self.allowed_hosts
+        return origin == f"http://{host}" or (allowed and "/" not in rest and "@" not in rest)
+
     def is_token(self, given: str | None) -> bool:
         """Return whether `given` is the token. The duration does not depend on where they differ."""
         return hmac.compare_digest((given or "").encode(), self.token.encode())
+
+
+def check_host_name(name: str) -> str:
+    """Return a host name in lower case; raise ValueError if it has a scheme, a port, a path or a wildcard."""
+    if not _HOST_NAME.fullmatch(name) and _address(name) is None:
+        raise ValueError(f"must be a host name, such as hub.example.org, got {name!r:.60}")
+    return name.lower()
+
+
+def check_root_path(path: str) -> str:
+    """Return a path without a slash at its end; raise ValueError unless it begins with a slash and has only steps."""
+    stripped = path.rstrip("/")
+    if stripped and not _ROOT_PATH.fullmatch(stripped):
+        raise ValueError(f"must be a path, such as /user/me/app, got {path!r:.60}")
+    return stripped
 
 
 def loopback(host: str) -> bool:
@@ -92,6 +121,9 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
+        root = self._rules.root_path
+        if root and (scope["path"] == root or scope["path"].startswith(f"{root}/")):
+            scope = {**scope, "path": scope["path"].removeprefix(root) or "/"}
         request = HTTPConnection(scope)
         foreign = refusal = self._check_origin(request)
         if refusal is None and not self._rules.is_token(request.cookies.get(self._rules.cookie)):
@@ -113,7 +145,8 @@ class Guard:
         if len(hosts) != 1 or not self._rules.is_own_host(_without_port(hosts[0])):
             return PlainTextResponse("This server has another host name.", 421)
         needs_origin = request.scope.get("method") not in ("GET", "HEAD")  # a WebSocket has no method
-        if (needs_origin or origins) and origins != [f"http://{hosts[0]}"]:
+        one = len(origins) == 1 and self._rules.is_own_origin(origins[0], hosts[0])
+        if (needs_origin or origins) and not one:
             return PlainTextResponse("Requests from pages of other sites are not allowed.", 403)
         return None
 
@@ -123,14 +156,21 @@ class Guard:
             if self._rules.is_token(request.query_params.get("token")):
                 rest = request.url.remove_query_params("token").query
                 # A path with two leading slashes would redirect to another server.
-                path = "/" + request.scope["path"].lstrip("/\\")
+                path = f"{self._rules.root_path}/" + request.scope["path"].lstrip("/\\")
                 response = RedirectResponse(f"{path}{'?' if rest else ''}{rest}", 303)
-                response.set_cookie(self._rules.cookie, self._rules.token, httponly=True, samesite="strict")
+                response.set_cookie(
+                    self._rules.cookie,
+                    self._rules.token,
+                    path=f"{self._rules.root_path}/",
+                    secure=request.url.scheme == "https",
+                    httponly=True,
+                    samesite="strict",
+                )
                 return response
             headers = request.headers
             if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") == "navigate":
                 # A browser that follows a link from another site omits SameSite=strict cookies. A refresh sends them.
-                return Response(status_code=200, headers={"Refresh": "0; url=/"})
+                return Response(status_code=200, headers={"Refresh": f"0; url={self._rules.root_path}/"})
         return PlainTextResponse("Open the address that dfd printed: it contains the token.", 403)
 
 

@@ -26,7 +26,7 @@ from dfd.app.options import SAMPLES, SessionOptions
 from dfd.app.protocol.messages import FailureMessage, SessionMessage
 from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.tab import Outbox, Tab
-from dfd.app.web.uploads import FORMATS, MOST_FILES, receive
+from dfd.app.web.uploads import BESIDE, FORMATS, MOST_FILES, receive
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # largest size of a message from a page, in bytes
@@ -99,7 +99,9 @@ class Sessions:
         await page.accept()
         tab = self._open(page.query_params.get("session"))
         name, outbox = tab.folder.name, tab.attach(page.query_params.get("kept", ""))
-        greeting = SessionMessage(session=name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS)
+        greeting = SessionMessage(
+            session=name, samples=SAMPLES, upload_bytes=self._upload_bytes, formats=FORMATS, beside=BESIDE
+        )
         tab.tell(greeting.model_dump_json())
         sending = asyncio.create_task(_send_all(page, outbox))
         try:

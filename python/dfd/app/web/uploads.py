@@ -19,8 +19,10 @@ FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
 MOST_FILES = 500
 DEEPEST = 6  # largest depth of folders in a ZIP file
 CHUNK = 1 << 20  # bytes
-# Safe names of folders and files. Characters of usual texture names are allowed, but no dot at the beginning.
-SAFE = re.compile(r"[\w+()\[\]@=,' -][\w.+()\[\]@=,' -]{0,120}")
+# Endings of files that meshes name, which the page lets users choose beside the mesh.
+BESIDE = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".webp", ".tga", ".bmp", ".tif", ".tiff", ".gif")
+LONGEST_NAME = 120  # characters of a folder or a file
+RESERVED = re.compile(r'[/\\:*?"<>|]')  # characters that some systems do not allow in file names
 UNREADABLE = (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
               EOFError, OSError, struct.error)  # fmt: skip
 
@@ -29,7 +31,7 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     """Store `files`, with names from the browser, in a new folder inside `folder`; return the files to open.
 
     The mesh, the field and the edit get random names. All other files, such as textures of the mesh, keep their names.
-    Files with unsafe names are left out.
+    Files with unsafe names are left out, and so are the files in which macOS keeps attributes of others.
 
     Raises ValueError if the files are too large or too many, a file occurs twice, or a ZIP file is damaged. Raises
     ValueError if no file can be opened, there are several meshes, or there are several fields or edits without a mesh.
@@ -39,10 +41,13 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
     try:
         given = _Upload(place, most_bytes)
         for name, stream in files:
-            (given.unpack if _ending(name) == ".zip" else given.keep)(name, stream)
+            (given.unpack if _ending(name) == ".zip" and not _is_of_macos(name) else given.keep)(name, stream)
         mesh = given.single(ENDINGS)
         field, edit = (given.single((ending,), ignore_several=mesh is not None) for ending in (FIELD, EDIT))
         if mesh is None and field is None and edit is None:
+            packed = next((name for name in given.paths if _ending(name) == ".zip"), None)
+            if packed is not None:
+                raise ValueError(f"{_last(packed)} is a ZIP file in a ZIP file: unpack it, and open its files")
             names = ", ".join(map(_last, list(given.paths)[:5])) or "nothing"
             raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
     except BaseException:
@@ -63,7 +68,7 @@ class _Upload:
         try:
             with zipfile.ZipFile(file) as archive:
                 for entry in archive.infolist():
-                    if not entry.is_dir() and not entry.filename.startswith("__MACOSX/"):
+                    if not entry.is_dir() and not _is_of_macos(entry.filename):
                         with archive.open(entry) as stream:
                             self.keep(entry.filename, stream)
         except UNREADABLE as error:
@@ -72,11 +77,13 @@ class _Upload:
 
     def keep(self, name: str, stream: IO[bytes]) -> None:
         """Store one file: a file of `FORMATS` under a random name, any other file only if its name is safe."""
+        if _is_of_macos(name):
+            return
         if len(self.paths) >= MOST_FILES:
             raise ValueError(f"An upload must have at most {MOST_FILES} files")
         steps = [step for step in name.replace("\\", "/").split("/") if step != "."]
         original, ending = "/".join(steps), _ending(name)
-        safe = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
+        safe = len(steps) <= DEEPEST and all(map(is_safe, steps))
         if ending in FORMATS:
             steps = [*(steps[:-1] if safe else []), f"{secrets.token_hex(8)}{ending}"]
         elif not safe:
@@ -98,7 +105,19 @@ class _Upload:
         names = [name for name in self.paths if _ending(name) in endings]
         if len(names) > 1 and not ignore_several:
             raise ValueError(f"Open one {_ending(names[0])} file at a time, got {', '.join(map(_last, names[:5]))}")
-        return OpenedFile(name=_last(names[0]), path=self.paths[names[0]]) if len(names) == 1 else None
+        return OpenedFile(_last(names[0]), self.paths[names[0]], self._folder) if len(names) == 1 else None
+
+
+def is_safe(step: str) -> bool:
+    """Return whether a name of a folder or a file can be used: it is not hidden, and no system reserves it."""
+    usual = step.isprintable() and not step.startswith(".") and not RESERVED.search(step)
+    return usual and 0 < len(step) <= LONGEST_NAME and step == step.strip()
+
+
+def _is_of_macos(name: str) -> bool:
+    """Return whether a file has attributes of another file, such as ._a.obj, or shows a folder of macOS."""
+    steps = name.replace("\\", "/").split("/")
+    return "__MACOSX" in steps or steps[-1].startswith("._") or steps[-1] == ".DS_Store"
 
 
 def _ending(name: str) -> str:

@@ -1,51 +1,118 @@
-"""Add normals where a file has none: smooth ones, but on both sides of two-sided sheets the side's own."""
+"""Add normals where a file has none, shaded as the file says (see `shading`)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float64, Int64, group_sums, unit
-from dfd.common.normals import face_normals, split_sheets
+from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums, unit
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance, Primitive, place
-
-_LEAST = 0.1  # smallest cosine between a smooth normal and the normal of the vertex's own faces
+from dfd.mesh.file.shading import SMOOTH, UNSAID, corner_normals
 
 
 def existing_completed(saving: Saving) -> Saving:
-    """Give a normal to each vertex whose normal is missing, in the primitives that have normals."""
-    if saving.scene is None or all(each.normals is None for each in saving.moved):
+    """Give a normal to each vertex whose normal is missing, in the primitives that have normals.
+
+    At edges, the normal is the mean of the normals of both sides, because a vertex stays one vertex.
+    """
+    if not any(each.normals is not None and _missing(each).any() for each in saving.moved):
         return saving
-    moved = [
-        each if each.normals is None else _with_normals(each, saving, saving.scene.vertex[each.rows])
-        for each in saving.moved
-    ]
-    return replace(saving, moved=moved)
+    group, normals = corner_normals(saving.vertices, saving.faces, _smoothing(saving.moved))
+    return replace(saving, moved=[_averaged(each, _groups(each, group), normals) for each in saving.moved])
 
 
 def all_completed(saving: Saving) -> tuple[list[Primitive], Int64]:
     """Return primitives that have normals, and the mesh vertex (R,) of each of their rows; −1 if no face uses a row.
 
-    A vertex becomes several rows if faces of both sides of a sheet share it, or if faces have their own colors.
+    A vertex becomes several rows if its faces get different normals, or have their own colors. Meshes from arrays and
+    from trimesh are smooth, and keep their vertices, except those at which faces show both sides.
     """
     scene, vertices, primitives = saving.scene, saving.vertices, saving.moved
     if scene is None:
-        primitives = place([MeshInstance("mesh", "mesh", Geometry(vertices, saving.faces.astype(np.int64)))])[0]
+        geometry = Geometry(vertices, saving.faces.astype(np.int64), smoothing=np.full(len(saving.faces), SMOOTH))
+        primitives = place([MeshInstance("mesh", "mesh", geometry)])[0]
+    group, normals = np.zeros((len(saving.faces), 3), np.int64), np.zeros((1, 3))
+    if any(_missing(each).any() for each in primitives):
+        group, normals = corner_normals(vertices, saving.faces, _smoothing(primitives))
     result, rows = [], []
     for each in primitives:
         vertex = np.arange(len(vertices)) if scene is None else scene.vertex[each.rows]
         own, faces = np.arange(len(vertex)), each.geometry.faces
         if each.geometry.face_colors is not None:
             own, faces = faces.ravel(), np.arange(faces.size).reshape(-1, 3)
-        if each.normals is None:
-            normals = face_normals(vertices, saving.faces[each.faces])
-            sources, faces = split_sheets(faces, normals, len(own))
-            own = own[sources]
+        missing = _missing(each)[own]
+        found = np.zeros((len(own), 3))
+        if missing.any():
+            own_group = np.where(missing[faces], _groups(each, group), -1)
+            sources, divided, number = _split(faces, own_group, len(own))
+            found = np.where(number[:, None] >= 0, normals[number], 0.0)
+            if len(sources) > len(own):
+                own, missing, faces = own[sources], missing[sources], divided
         taken = each if faces is each.geometry.faces else _taken(each, own, faces)
-        result.append(_with_normals(taken, saving, vertex[own]))
+        result.append(_with_normals(taken, missing, found))
         rows.append(vertex[own].astype(np.int64))
     return result, np.concatenate(rows)
+
+
+def _missing(each: Primitive) -> Bool:
+    """Return which rows (N,) of a primitive have no normal: none is given, or it is zero or not finite."""
+    if each.normals is None:
+        return np.ones(len(each.vertices), bool)
+    known: Bool = np.logical_and.reduce(np.isfinite(each.normals), axis=1) & each.normals.any(axis=1)
+    return ~known
+
+
+def _smoothing(primitives: Sequence[Primitive]) -> Int64:
+    """Return the smoothing group (F,) of each face of the scene."""
+    return np.concatenate(
+        [
+            np.full(len(each.geometry.faces), UNSAID) if each.geometry.smoothing is None else each.geometry.smoothing
+            for each in primitives
+        ]
+    )
+
+
+def _groups(each: Primitive, group: Int64) -> Int64:
+    """Return the normals (F, 3) of the corners of a primitive, from those of the scene, whose winding may differ."""
+    own = group[each.faces]
+    return own[:, [0, 2, 1]] if each.mirrored else own
+
+
+def _split(faces: Int64, group: Int64, count: int) -> tuple[Int64, Int64, Int64]:
+    """Divide rows whose corners are in several groups: the first group keeps the row, the others get rows of their own.
+
+    `faces` (F, 3) refer to `count` rows. Return the source (R,) of each row, the faces (F, 3), and the group (R,) of
+    each row, or −1.
+    """
+    width = int(group.max()) + 2
+    pairs, corner = np.unique(faces * width + group + 1, return_inverse=True)
+    row, of_pair = np.divmod(pairs, width)
+    further = np.diff(row, prepend=-1) == 0
+    number = np.where(further, count - 1 + np.cumsum(further), row)
+    groups = np.full(count + int(further.sum()), -1)
+    groups[number] = of_pair - 1
+    return np.concatenate([np.arange(count), row[further]]), number[corner.reshape(faces.shape)], groups
+
+
+def _averaged(each: Primitive, group: Int64, normals: Float64) -> Primitive:
+    """Return a primitive in which each missing normal is the mean of the normals of the row's corners."""
+    missing = _missing(each)
+    if each.normals is None or not missing.any():
+        return each
+    faces = each.geometry.faces.ravel()
+    return _with_normals(each, missing, unit(group_sums(faces, normals[group.ravel()], len(missing))))
+
+
+def _with_normals(each: Primitive, missing: Bool, found: Float64) -> Primitive:
+    """Return a primitive with the normals `found` (N, 3), in scene coordinates, in its rows `missing` (N,)."""
+    if not missing.any():
+        return each
+    found = found[missing]
+    found[~found.any(axis=1)] = (0.0, 0.0, 1.0)  # glTF requires unit length
+    normals = np.zeros(each.vertices.shape) if each.normals is None else each.normals.copy()
+    normals[missing] = each.normals_from_scene(found, missing)
+    return replace(each, normals=normals)
 
 
 def _taken(each: Primitive, rows: Int64, faces: Int64) -> Primitive:
@@ -59,32 +126,3 @@ def _taken(each: Primitive, rows: Int64, faces: Int64) -> Primitive:
     geometry = Geometry(old.vertices[rows], faces, None, uv, colors, None, old.material, attributes)
     own = None if each.normals is None else each.normals[rows]
     return replace(each, geometry=geometry, vertices=each.vertices[rows], normals=own, moved=True)
-
-
-def _with_normals(each: Primitive, saving: Saving, vertex: NDArray[np.integer]) -> Primitive:
-    """Return a primitive in which each missing normal is computed from the faces around its vertex.
-
-    `vertex` (N,) is the mesh vertex of each row. In meshes from arrays, only faces of the same row count.
-    """
-    given = np.zeros(each.vertices.shape) if each.normals is None else each.normals
-    missing = ~(np.isfinite(given).all(axis=1) & given.any(axis=1))
-    if not missing.any():
-        return each
-    scaled = saving.vertices / (float(np.ptp(saving.vertices, axis=0).max()) or 1.0)
-    of_faces = face_normals(scaled, saving.faces)
-    own = unit(_sums(each.geometry.faces, of_faces[each.faces], len(vertex)))
-    around = own
-    if saving.scene is not None:
-        smooth = unit(_sums(saving.faces, of_faces, len(saving.vertices)))
-        around = np.where(vertex[:, None] >= 0, smooth[vertex], 0.0)
-    agrees = (np.einsum("ni,ni->n", around, own) >= _LEAST) | ~own.any(axis=1)
-    found = np.where(agrees[:, None], around, own)
-    found[~found.any(axis=1)] = (0.0, 0.0, 1.0)  # glTF requires unit length
-    normals = given.copy()
-    normals[missing] = each.normals_from_scene(found[missing], missing)
-    return replace(each, normals=normals)
-
-
-def _sums(faces: NDArray[np.integer], normals: Float64, count: int) -> Float64:
-    """Return the sum (count, 3) of the normals (F, 3) of the faces (F, 3) at each vertex."""
-    return group_sums(faces.ravel(), np.repeat(normals, 3, axis=0), count)

@@ -14,6 +14,7 @@ from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import MOST_TEXELS
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.shading import SMOOTH
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
@@ -59,6 +60,7 @@ def _geometry(mesh: trimesh.Trimesh) -> Geometry:
             for name, each in mesh.vertex_attributes.items()
             if name != "color" and len(each) == count
         },
+        smoothing=np.full(len(mesh.faces), SMOOTH),
     )
 
 

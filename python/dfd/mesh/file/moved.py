@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.edits import SAME
-from dfd.common.linear_algebra import Bool, Float64, Int32
-from dfd.common.normals import turned_normals
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, nearest_rotations, unit
+from dfd.common.normals import mean_gradients, turned_normals
 from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.primitives import IDENTITY, Primitive
@@ -119,15 +119,7 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
     changed = (vertices != before).any(axis=1)
     if not changed.any() or all(normals is None for normals in own):
         return own
-    old = np.concatenate(
-        [
-            np.zeros(each.vertices.shape) if each.normals is None else each.normals_to_scene(_finite(each.normals))
-            for each in scene.primitives
-        ]
-    )
-    _, normal = weld(old)
-    key = scene.vertex[: len(old)].astype(np.int64) * (int(normal.max()) + 1) + normal
-    first, group = np.unique(key, return_index=True, return_inverse=True)[1:]
+    old, first, group = _smooth_rows(scene)
     corners = group[scene.corner_faces]
     touched = np.zeros(len(first), bool)
     touched[corners[changed[scene.faces].any(axis=1)]] = True
@@ -144,6 +136,62 @@ def moved_normals(vertices: Float64, before: Float64, scene: SceneFile) -> list[
             normals[stale[here]] = each.normals_from_scene(new[here[stale[here]]], stale[here])
         result.append(normals)
     return result
+
+
+def moved_gradients(vertices: Float64, scene: SceneFile) -> list[Float64]:
+    """Return the deformation gradient (N, 3, 3) of the surface at each row of each primitive, in scene coordinates.
+
+    Rows that turn together, as in `moved_normals`, have equal gradients.
+    """
+    _, first, group = _smooth_rows(scene)
+    found = mean_gradients(vertices, scene.vertices, scene.faces, group[scene.corner_faces], len(first))
+    return [found[group[each.rows]] for each in scene.primitives]
+
+
+def moved_tangents(tangents: Float64, gradients: Float64, each: Primitive) -> Float64:
+    """Return the local tangents (N, 3 or 4) of a moved primitive; a fourth number, the side, stays.
+
+    A tangent follows the deformation gradient (N, 3, 3) of the surface in the scene, and stays at a right angle to the
+    normal. Tangents keep the exact numbers of the file if the surface does not turn.
+    """
+    old = unit(each.vectors_to_scene(tangents[:, :3]))
+    new = unit(np.einsum("nij,nj->ni", gradients, old))
+    if each.normals is not None:
+        up = each.normals_to_scene(_finite(each.normals))
+        upright = unit(new - up * np.einsum("ni,ni->n", new, up)[:, None])
+        new = np.where(upright.any(axis=1, keepdims=True), upright, new)
+    stale = (np.abs(new - old).max(axis=1) > SAME) & new.any(axis=1)
+    result = tangents.copy()
+    local = unit(each.vectors_from_scene(new[stale], stale))
+    result[stale, :3] = np.where(local.any(axis=1, keepdims=True), local, result[stale, :3])
+    return result
+
+
+def turned_displacements(displacements: Float64, gradients: Float64, each: Primitive) -> Float64:
+    """Return local displacements (N, 3) of tangents, turned by the rotations nearest to `gradients` (N, 3, 3)."""
+    turns = nearest_rotations(gradients)
+    stale = np.abs(turns - np.eye(3)).max(axis=(1, 2)) > SAME
+    result = displacements.copy()
+    turned = np.einsum("nij,nj->ni", turns[stale], each.vectors_to_scene(displacements)[stale])
+    result[stale] = each.vectors_from_scene(turned, stale)
+    return result
+
+
+def _smooth_rows(scene: SceneFile) -> tuple[Float64, Int64, Int64]:
+    """Return the unit normals (R, 3) of all rows in the scene, the first row (G,) of each group, and each row's group.
+
+    Rows with equal positions and equal normals form a group.
+    """
+    old = np.concatenate(
+        [
+            np.zeros(each.vertices.shape) if each.normals is None else each.normals_to_scene(_finite(each.normals))
+            for each in scene.primitives
+        ]
+    )
+    _, normal = weld(old)
+    key = scene.vertex[: len(old)].astype(np.int64) * (int(normal.max()) + 1) + normal
+    first, group = np.unique(key, return_index=True, return_inverse=True)[1:]
+    return old, first, group
 
 
 def _finite(normals: Float64) -> Float64:

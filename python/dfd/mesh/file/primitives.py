@@ -33,6 +33,8 @@ class Geometry:
     face_colors: Float32 | None = None  # (F, 4) RGBA of each face, in place of vertex colors
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
+    # (F,) the smoothing group of each face: 0 is flat; None if the file does not say how faces without normals look
+    smoothing: Int64 | None = None
     stored: Float64 | None = None  # (N, 3) the file's positions, if morph targets move them to `vertices`
 
 
@@ -64,6 +66,10 @@ class Primitive(MeshInstance):
             return points
         with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
             return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
+
+    def vectors_to_scene(self, vectors: Float64) -> Float64:
+        """Convert displacements (N, 3), one for each vertex, from local to scene coordinates."""
+        return _applied(self._linear(slice(None)), vectors)
 
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
         """Convert displacements (K, 3) of the vertices `rows` from scene to local coordinates."""

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 from pathlib import Path
 
 from dfd.common import check
@@ -12,11 +13,17 @@ from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.formats import FORMATS
 from dfd.mesh.file.scene_file import SceneFile
 
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+:/", re.IGNORECASE)  # `Path` removes one of the two slashes
 _MOST_NAMED = 5  # largest number of unreadable files that a warning lists
 
 
-def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
-    """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`."""
+def read(path: str | os.PathLike[str], *, at_rest: bool = True, root: Path | None = None) -> SceneFile:
+    """Return the scene of a file, in the bind pose if `at_rest` is False. Raises the errors of `dfd.load`.
+
+    Files that it names may be anywhere in the folder `root`; without `root`, in the folder of the file.
+    """
+    if _ADDRESS.match(os.fspath(path)):
+        raise ArgumentError("path", f"is an address, got {path}: download the file, and give its path", "load")
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in FORMATS:
@@ -27,7 +34,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
     if not data:
         raise ArgumentError("path", f"{path} is empty", "load")
-    assets = AssetFolder(path)
+    assets = AssetFolder(path, root)
     try:
         scene = FORMATS[ending].read(path, data, assets, at_rest)
     except MemoryError as error:
@@ -40,6 +47,10 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         check.warn(f"load: `path` {path} names {names}, which could not be read; affected faces are gray", UserWarning)
+    if assets.notes:
+        notes = sorted(assets.notes)
+        more = f" (and {len(notes) - _MOST_NAMED} more)" if len(notes) > _MOST_NAMED else ""
+        check.warn(f"load: in `path` {path}, {', '.join(notes[:_MOST_NAMED])}{more}", UserWarning)
     return scene
 
 

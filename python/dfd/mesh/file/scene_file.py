@@ -14,12 +14,17 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
 from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.file.gaps import without_gaps
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place
 
 if TYPE_CHECKING:
     from dfd.mesh.file.gltf.data import GltfData
 
 _DEFAULT = Material(is_default=True)
+_ADVICE = (
+    ", only {} points, as scans and splats do: `dfd.bind` and `dfd.pose` move points (see 'Points without faces' in "
+    "the docs), or make a surface first"
+)
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,7 @@ class FileSource:
 
     data: UInt8  # (N,) the bytes of the file; an array, because processes can share arrays
     numbers: Int64 | None = None  # (R,) the file's vertex for each row of `SceneFile`; None for STL files
+    root: Path | None = None  # the folder in which its materials may be, if this is not the folder of the file
     corner_rows: Int32 | None = None  # (C,) row of each face corner of an OBJ file; −1 in faces of one or two corners
 
 
@@ -80,6 +86,11 @@ class SceneFile:
 
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or a coordinate is not finite.
         """
+        if not any(len(each.geometry.faces) for each in instances):
+            count = (
+                sum(len(each.geometry.vertices) for each in instances) if own_vertices is None else len(own_vertices)
+            )
+            raise ArgumentError("path", f"holds no faces{_ADVICE.format(count) if count else ''}")
         primitives, strands, positions = place(instances)
         numbered = []
         for each in primitives:
@@ -110,9 +121,10 @@ class SceneFile:
             numbers = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
             vertex = np.where(finite, numbers[of_known], np.int32(-1))
             _follow(vertex, positions, vertices, strands)
-        count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
-        if count < 3:
-            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {count}")
+        used_count = np.count_nonzero(np.bincount(vertex[corner_faces].ravel()))
+        if used_count < 3:
+            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used_count}")
+        primitives = without_gaps(primitives, vertex, path)
         appearance = _appearance(primitives, vertex[: primitives[-1].rows.stop], corner_faces)
         return cls(
             path,
@@ -157,8 +169,8 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
         return None
     uv = colors = None
     if textured and any(each.geometry.uv is not None for each in primitives):
-        uv = np.concatenate([_or_fill(each.geometry.uv, each, 0.0, 2) for each in primitives])
-        uv = np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
+        uv = np.concatenate([_placed_uv(each) for each in primitives])
+        uv = uv.clip(-1e6, 1e6).astype(np.float32)
     if colored:
         colors = np.concatenate([_or_fill(each.geometry.colors, each, 1.0, 4) for each in primitives])
     if colors is not None and by_corner:  # each corner gets its own row: faces of different colors can share rows
@@ -180,3 +192,11 @@ def _appearance(primitives: Sequence[Primitive], vertex: Int32, corner_faces: In
 
 def _or_fill(values: NDArray[np.floating] | None, each: Primitive, missing: float, width: int) -> NDArray[np.floating]:
     return np.full((len(each.vertices), width), missing, np.float32) if values is None else values
+
+
+def _placed_uv(each: Primitive) -> Float64:
+    """Return the texture coordinates (N, 2) of a primitive, scaled and shifted as its material says."""
+    if each.geometry.uv is None:
+        return np.zeros((len(each.vertices), 2))
+    scale_u, scale_v, offset_u, offset_v = (each.geometry.material or _DEFAULT).placement
+    return each.geometry.uv * (scale_u, scale_v) + (offset_u, offset_v)

@@ -24,8 +24,8 @@ def write(
     Return the distances (N,) by which rounding to 32-bit floats moves vertices. Only STL files, and moved glTF meshes
     with a skin or morph targets, give such distances; N is 0 for all other files. Raises the errors of `Mesh.save`.
     """
+    ending = check.ending("Mesh.save", "path", path, ENDINGS)
     target = Path(path)
-    ending = check.ending("Mesh.save", "path", target, ENDINGS)
     if ending in (".glb", ".gltf", ".stl") and np.abs(vertices).max() > np.finfo(np.float32).max:
         raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; use .obj or .off")
     form, source = FORMATS[ending], None

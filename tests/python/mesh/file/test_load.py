@@ -97,7 +97,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("word.obj", obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face must consist of whole numbers"),
         ("short.obj", obj_cube() + "v 1 0\n", "line 21: 'v' has 2 numbers, and 3 are needed"),
         ("cube.xyz", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
-        ("edge.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "face 0 has '2' corners, and 3 are needed"),
+        ("face.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n-1 0 1\n", "face 0 has '-1' corners"),
         ("counts.off", "OFF 3\n0 0 0\n1 0 0\n0 1 0\n", "it must state its numbers of vertices and faces, got '3'"),
         ("line.off", "OFF\n3\n0 0 0\n1 0 0\n0 1 0\n", "it must state its numbers of vertices and faces"),
         ("one.off", "OFF\n3 1\n0 0 0\n1 0 0\n5\n3 0 1 2\n", "vertex 2 has the coordinates '5'"),

@@ -10,22 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common import check
 from dfd.common.colors import linear
-from dfd.common.edits import far_origin
+from dfd.common.edits import COARSE, far_origin
 from dfd.common.images import as_png
-from dfd.common.linear_algebra import Float64, Int64, UInt8
+from dfd.common.linear_algebra import Float64, Int64, UInt8, unit
+from dfd.common.text import UniqueNames
 from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.file.complete import all_completed
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.moved import Saving
-from dfd.mesh.file.primitives import IDENTITY, Primitive
+from dfd.mesh.file.primitives import IDENTITY, Geometry, Primitive
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962
 LIMITS = {"min": np.min, "max": np.max}
 _KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 _WRAPS = {name: number for number, name in WRAPS.items()}
 _PLAIN = Material()
+_MOST_NAMED = 5  # largest number of attributes that a warning lists
+_TRANSFORM = "KHR_texture_transform"
 _NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 
 
@@ -107,6 +111,13 @@ def _encode_scene(moved: Sequence[Primitive], *, binary: bool) -> bytes:
     scene = _Scene({"asset": {"version": "2.0", "generator": "dfd"}, "scene": 0, "scenes": [{"nodes": []}]})
     for part, group in groupby(moved, lambda each: each.part):
         scene.add(part, list(group))
+    if scene.rounded:
+        changed = ", ".join(f"{count} of {name!r:.40}" for name, count in list(scene.rounded.items())[:_MOST_NAMED])
+        check.warn(
+            f"Mesh.save: glTF files store further attributes as 32-bit floats, which change values ({changed}); "
+            ".ply keeps them",
+            UserWarning,
+        )
     return scene.encode(binary=binary)
 
 
@@ -115,6 +126,7 @@ class _Scene(GltfBuilder):
 
     def __init__(self, header: Header) -> None:
         super().__init__(header)
+        self.rounded: dict[str, int] = {}  # by further attribute: the number of values that 32-bit floats change
         self._meshes: dict[tuple[int, ...], tuple[int, NDArray[Any] | None]] = {}
         self._materials: dict[tuple[int, bool, bool], int] = {}
         self._textures: dict[tuple[int, tuple[Wrap, Wrap]], int] = {}
@@ -142,12 +154,10 @@ class _Scene(GltfBuilder):
         colors = geometry.colors
         values: dict[str, NDArray[Any]] = {"POSITION": each.vertices if origin is None else each.vertices - origin}
         if each.normals is not None:
-            values["NORMAL"] = each.normals
+            values["NORMAL"] = unit(each.normals)
         if geometry.uv is not None:
             values["TEXCOORD_0"] = geometry.uv * (1, -1) + (0, 1)  # v points down in glTF
-        for name, own in geometry.attributes.items():
-            if own.ndim < 3 and own.shape[1:] in _KINDS and own.dtype.kind in "iuf":
-                values[f"_{name.lstrip('_').upper()}"] = own
+        values |= self._further(geometry)
         attributes = {
             name: self.accessor(own.astype("<f4"), attribute=True, bounds=name == "POSITION")
             for name, own in values.items()
@@ -165,6 +175,28 @@ class _Scene(GltfBuilder):
             content["material"] = self._material(material, geometry.uv is not None, colors is not None)
         return content
 
+    def _further(self, geometry: Geometry) -> dict[str, NDArray[Any]]:
+        """Return the further attributes of a geometry by their names in glTF, and note those that 32 bits change.
+
+        The format allows no 32-bit integers as attributes.
+        """
+        found: dict[str, NDArray[Any]] = {}
+        names = UniqueNames(2)
+        for name, own in geometry.attributes.items():
+            if own.ndim > 2 or own.shape[1:] not in _KINDS or own.dtype.kind not in "iuf":
+                continue
+            finite = np.isfinite(own)
+            with np.errstate(over="ignore"):
+                stored = np.where(finite, own, 0).astype("<f4")
+            stored = np.where(np.isfinite(stored), stored, 0)
+            lost = np.abs(np.where(finite, own, 0).astype(np.float64) - stored)
+            least = 0.0 if own.dtype.kind in "iu" else COARSE * float(np.ptp(own[finite])) if finite.any() else 0.0
+            changed = ~finite | (lost > least)
+            if changed.any():
+                self.rounded[name] = self.rounded.get(name, 0) + int(changed.sum())
+            found[names.unique(f"_{name.lstrip('_').upper()}")] = stored
+        return found
+
     def _material(self, own: Material, textured: bool, colored: bool) -> int:
         key = (id(own), textured, colored)
         if key not in self._materials:
@@ -172,7 +204,10 @@ class _Scene(GltfBuilder):
             factor = [*linear(np.array(material.color[:3])).tolist(), material.color[3]]
             surface: Header = {"baseColorFactor": factor, "metallicFactor": 0.0, "roughnessFactor": 1.0}
             if material.texture is not None and textured:
-                surface["baseColorTexture"] = {"index": self._texture(material.texture, material.wrap)}
+                surface["baseColorTexture"] = {
+                    "index": self._texture(material.texture, material.wrap),
+                    **self._placement(material.placement),
+                }
             content: Header = {"name": material.name, "pbrMetallicRoughness": surface}
             if material.alpha_mode != "OPAQUE":
                 content["alphaMode"] = material.alpha_mode
@@ -180,6 +215,16 @@ class _Scene(GltfBuilder):
                 content["alphaCutoff"] = material.alpha_cutoff
             self._materials[key] = self.append("materials", content)
         return self._materials[key]
+
+    def _placement(self, placement: tuple[float, float, float, float]) -> Header:
+        """Return the extension of a texture reference that scales and shifts texture coordinates; v points down."""
+        if placement == _PLAIN.placement:
+            return {}
+        if _TRANSFORM not in self.header.setdefault("extensionsUsed", []):
+            self.header["extensionsUsed"].append(_TRANSFORM)
+        scale_u, scale_v, offset_u, offset_v = placement
+        change = {"scale": [scale_u, scale_v], "offset": [offset_u, 1 - offset_v - scale_v]}
+        return {"extensions": {_TRANSFORM: change}}
 
     def _texture(self, texels: UInt8, wrap: tuple[Wrap, Wrap]) -> int:
         key = (id(texels), wrap)

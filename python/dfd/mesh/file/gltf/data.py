@@ -25,6 +25,7 @@ from dfd.mesh.file.gltf.header import (
     reference,
     whole,
 )
+from dfd.mesh.file.primitives import Primitive
 
 _MOST_DECOMPRESSED = 64  # largest number of decompressed bytes per compressed byte, in all buffer views together
 _SMALL = 2**26  # bytes; the ratio `_MOST_DECOMPRESSED` is checked only above this decompressed size
@@ -124,6 +125,11 @@ class GltfData:
     def _accessor(self, index: object) -> Accessor | None:
         found = self._checked.accessors
         return found[cast(int, index)] if is_index(index, len(found)) else None
+
+    def primitive(self, each: Primitive) -> Header:
+        """Return the header of a primitive of the scene."""
+        _, mesh, number = each.source
+        return cast(Header, self.header["meshes"][mesh]["primitives"][number])
 
     def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
         """Return an attribute (vertices, components) of a primitive, or None if the primitive lacks it."""

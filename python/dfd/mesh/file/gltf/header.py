@@ -40,6 +40,7 @@ _COLLECTIONS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
     *("samplers", "scenes", "skins", "textures"),
 )
+_CONVERT = "open it in the program that made it, and export glTF 2.0"
 _LEAST_STRIDE = 4  # bytes; smallest `byteStride` that glTF permits
 _MOST_ZEROS = 2**20  # an accessor without data may have this many items, or as many as the longest accessor with data
 _DEEPEST = 1000  # largest nesting depth of nodes
@@ -92,9 +93,9 @@ def read(data: bytes) -> Contents:
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
     _check_depth(header)
+    _check_version(header)
     for name in _COLLECTIONS:
         objects(header, name)
-    _check_version(header)
     _check_extensions(header)
     views = _views(header, data.startswith(_MAGIC))
     accessors = _accessors(header, views)
@@ -129,7 +130,7 @@ def _split_glb(data: bytes) -> dict[int, bytes]:
         raise ValueError(f"it is cut off after {len(data)} bytes")
     version, total = struct.unpack("<II", data[4:12])
     if version != 2:
-        raise ValueError(f"it has version {version} of the format, and only 2 can be read")
+        raise ValueError(f"it has version {version} of the format, and only 2 can be read: {_CONVERT}")
     if total != len(data):
         raise ValueError(f"it should have {total} bytes, but has {len(data)}")
     chunks: dict[int, bytes] = {}
@@ -199,6 +200,12 @@ def drop_extension(header: Header, owner: Header, name: str) -> None:
                 del header[list_name]
 
 
+def drop_attribute(primitive: Header, name: str) -> None:
+    """Remove an attribute from a primitive and from its morph targets, which must not refer to a missing attribute."""
+    for owner in (primitive["attributes"], *objects(primitive, "targets")):
+        owner.pop(name, None)
+
+
 def parents(header: Header) -> dict[int, int]:
     """Return the parent of each child node, by the index of the child."""
     nodes = enumerate(objects(header, "nodes"))
@@ -223,9 +230,12 @@ def _check_depth(header: Header) -> None:
 
 def _check_version(header: Header) -> None:
     asset = header.get("asset", {})
-    version = str(asset.get("version", "2.0") if isinstance(asset, dict) else "2.0")
+    old = any(isinstance(header.get(name), dict) for name in _COLLECTIONS)  # version 1.0 had no lists
+    usual = "1.0" if old else "2.0"
+    version = str(asset.get("version", usual) if isinstance(asset, dict) else usual)
     if not version.startswith("2."):
-        raise ValueError(f"it has version {shortened(version)} of the format, and only 2 can be read")
+        what = f"it has version {shortened(version)} of the format, and only 2 can be read"
+        raise ValueError(f"{what}: {_CONVERT}")
 
 
 def _check_extensions(header: Header) -> None:
@@ -239,7 +249,8 @@ def _check_extensions(header: Header) -> None:
             if importlib.util.find_spec(library) is None:
                 raise ValueError(f"it is compressed with {name}, which needs `{pip_install('gltf')}` ({library})")
         elif not name.startswith(_HARMLESS):
-            raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
+            what = f"it requires the extension {shortened(name)}, which cannot be read"
+            raise ValueError(f"{what}: export the file without this extension")
 
 
 def _views(header: Header, glb: bool) -> list[View]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common import check
 from dfd.common.edits import far_origin, rounding
 from dfd.common.errors import ArgumentError
 from dfd.common.images import image_format
@@ -24,12 +25,13 @@ from dfd.mesh.file.gltf.header import (
     DRACO,
     MESHOPT,
     Header,
+    drop_attribute,
     drop_extension,
     extension,
     is_index,
     objects,
 )
-from dfd.mesh.file.moved import Saving
+from dfd.mesh.file.moved import Saving, moved_gradients, moved_tangents, turned_displacements
 from dfd.mesh.file.primitives import Primitive
 
 _UNSIGNED = 5125
@@ -51,11 +53,18 @@ def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
         return {target.name: source.content.tobytes()}, np.zeros(0)
     kept = [each for each in moved if each.moved and keeps_origin(source, each)]
     lost = np.concatenate([np.zeros(0), *(rounding(each.vertices) for each in kept)])
-    return {target.name: _encoded(source, moved, binary=target.suffix.lower() == ".glb")}, lost
-
-
-def _encoded(source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
     patch = GltfPatch(source)
+    if any(each.moved and _has_tangents(source.primitive(each)) for each in saving.moved):
+        gradients = moved_gradients(saving.vertices, saving.file)
+        patch.gradients = {each.source: own for each, own in zip(saving.moved, gradients, strict=True)}
+    return {target.name: _encoded(patch, source, moved, binary=target.suffix.lower() == ".glb")}, lost
+
+
+def _has_tangents(primitive: Header) -> bool:
+    return any("TANGENT" in each for each in (primitive["attributes"], *objects(primitive, "targets")))
+
+
+def _encoded(patch: "GltfPatch", source: GltfData, moved: Sequence[Primitive], *, binary: bool) -> bytes:
     users = Counter(mesh for node in objects(patch.header, "nodes") if isinstance(mesh := node.get("mesh"), int))
     by_node = sorted(moved, key=lambda each: each.source[0])
     for node, of_node in groupby(by_node, lambda each: each.source[0]):
@@ -96,6 +105,7 @@ class GltfPatch(GltfBuilder):
         self._take_pictures()
         # Keys: node, attribute and accessor. Values: the new data, and the `attributes` of all primitives that use it.
         self._moved: dict[tuple[int, str, int], tuple[Float64, list[Header]]] = {}
+        self.gradients: dict[tuple[int, int, int], Float64] = {}  # `moved_gradients` of primitives with tangents
 
     def _take_buffers(self) -> None:
         """Concatenate the buffers that can be read; all other buffers stay as they are."""
@@ -167,7 +177,6 @@ class GltfPatch(GltfBuilder):
         """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
-        attributes.pop("TANGENT", None)  # old tangents would be wrong after the move; viewers compute missing ones
         geometry = each.geometry
         positions = [geometry.vertices, each.vertices, geometry.stored]
         if origin is not None:
@@ -175,6 +184,29 @@ class GltfPatch(GltfBuilder):
         self._collect(node, "POSITION", attributes, *positions)  # type: ignore[arg-type]
         if each.normals is not None and geometry.normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
+        if each.source in self.gradients:
+            self._turn_tangents(node, primitive, each)
+
+    def _turn_tangents(self, node: int, primitive: Header, each: Primitive) -> None:
+        """Turn the tangents of a moved primitive with the surface, and those of its morph targets."""
+        gradients, source = self.gradients[each.source], self.source.primitive(each)
+        if each.baked:  # positions and normals are now in the scene, but the flattened tangents are lost
+            drop_attribute(primitive, "TANGENT")
+            check.warn(f"Mesh.save: the tangents of part {each.part!r:.60} are removed", UserWarning)
+            return
+        old = self.source.attribute(source, "TANGENT")
+        if old is not None and old.shape == (len(each.vertices), 4):
+            old = old.astype(np.float64)
+            new = moved_tangents(old, gradients, each)
+            if (new != old).any():
+                self._collect(node, "TANGENT", primitive["attributes"], old, new)
+        for target in objects(primitive, "targets"):
+            moved = self.source.accessor(target["TANGENT"]) if "TANGENT" in target else None
+            if moved is not None and moved.shape == each.vertices.shape:
+                moved = moved.astype(np.float64)
+                turned = turned_displacements(moved, gradients, each)
+                if (turned != moved).any():
+                    self._collect(node, "TANGENT", target, moved, turned)
 
     def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
         """Decompress a primitive's Draco stream to plain accessors; if `moving`, omit the old positions and normals."""

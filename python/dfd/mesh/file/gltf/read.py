@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.colors import rgba, srgb
+from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.common.text import UniqueNames, shortened
 from dfd.common.weld import weld
@@ -31,6 +32,7 @@ from dfd.mesh.file.gltf.header import (
 from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.shading import FLAT
 
 _STRIP, _FAN = 5, 6
 INSTANCING, _VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
@@ -83,6 +85,10 @@ def read(data: GltfData, *, at_rest: bool = True) -> list[MeshInstance]:
             instances.append(MeshInstance(part, name, geometry, skinned.get(number, placed), (node, mesh, number)))
         if len(instances) > MOST_INSTANCES:
             raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
+    if not instances and meshes:
+        held = f"{len(meshes)} mesh{'' if len(meshes) == 1 else 'es'}"
+        what = f"holds {held}, but its scene shows none: no visible node of the scene has a mesh"
+        raise ArgumentError("path", f"{what}; export the scene that has it, or set `scene` in the file")
     return instances
 
 
@@ -116,32 +122,42 @@ def _geometry(
         return Geometry(shown, np.zeros((0, 3), np.int64), stored=stored)
 
     def values(name: str, *widths: int) -> NDArray[Any] | None:
-        """Return the attribute `name`; None if it is missing, or its numbers of rows or columns do not fit."""
+        """Return the attribute `name`; None if it is missing or has another width. Missing rows are NaN."""
         found = data.attribute(primitive, name)
-        fits = found is not None and len(found) == len(vertices) and (not widths or found.shape[1] in widths)
-        return found if fits else None
+        if found is None or (widths and found.shape[1] not in widths):
+            return None
+        if len(found) < len(vertices):
+            scale = np.iinfo(found.dtype).max if found.dtype.kind in "iu" and name.startswith("COLOR") else 1
+            rest = np.full((len(vertices) - len(found), found.shape[1]), np.nan)
+            found = np.concatenate([found / scale, rest])
+        return found[: len(vertices)]
 
     index = primitive.get("material")
     surface = None if item(data.header, "materials", index) is None else surfaces(cast(int, index))
     uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
     color = values("COLOR_0", 3, 4)
     colors = None if color is None else rgba(color)
-    if colors is not None:
+    if color is not None and colors is not None:
         colors[:, :3] = srgb(colors[:, :3])
+        colors[~np.isfinite(color).all(axis=1)] = np.nan  # missing
     normals = values("NORMAL", 3)
     if normals is not None:
         normals = normals.astype(np.float64)
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
     own = {name: values(name) for name in primitive["attributes"] if name.startswith("_")}
+    faces = triangles(data.corners(primitive), primitive.get("mode", 4))
     return Geometry(
         shown,
-        triangles(data.corners(primitive), primitive.get("mode", 4)),
+        faces,
         normals,
         None if surface is None or uv is None else from_below(uv, surface.uv_transform),
         colors,
         material=None if surface is None else surface.material,
-        attributes={name: np.array(each) for name, each in own.items() if each is not None},
+        attributes={
+            name: np.array(each[:, 0] if each.shape[1] == 1 else each) for name, each in own.items() if each is not None
+        },
+        smoothing=np.full(len(faces), FLAT),  # glTF 2.0, section 3.7.2.1: without normals, faces are flat
         stored=stored,
     )
 

@@ -4,7 +4,7 @@ In most files, only the coordinates in `v` and `vn` lines change. If face corner
 lines are added, and the normal indices of faces change. If the materials are copied, `mtllib` lines also change.
 """
 
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import numpy as np
 
@@ -34,22 +34,24 @@ def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
     text = parse(data)
     changed = (saving.vertices != scene.vertices).any(axis=1)
     edits = Edits(data)
-    edits.replace(text.position_spans[changed], rows_as_text(saving.vertices[changed]))
+    scales = 1.0 if text.scales is None else text.scales[changed, None]
+    edits.replace(text.position_spans[changed], rows_as_text(saving.vertices[changed] * scales))
     if changed.any():
         _edit_normals(edits, text, corner_rows, saving.of_rows())
     companions = Companions(target)
     if target.parent.resolve() != scene.path.parent.resolve():
-        _rename_libraries(edits, text, *_copied_materials(text, scene.path.parent, companions))
+        _rename_libraries(
+            edits, text, *_copied_materials(text, AssetFolder(scene.path, saving.source.root), companions)
+        )
     return {target.name: edits.result(), **companions.files}, np.zeros(0)
 
 
-def _copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[bytes | None, set[bytes]]:
-    """Copy the materials that an OBJ file uses, and their textures, from the folder `source` to `companions`.
+def _copied_materials(text: ObjText, assets: AssetFolder, companions: Companions) -> tuple[bytes | None, set[bytes]]:
+    """Copy the materials that an OBJ file uses, and their textures, from `assets` to `companions`.
 
     Only textures that are valid images are copied. Return the name of the new MTL file, which is None if the OBJ file
     uses no material. Also return the names of all MTL files that could be read.
     """
-    assets = AssetFolder(source / "materials")
     materials, read = used_materials(text, assets)
     if not materials:
         return None, read

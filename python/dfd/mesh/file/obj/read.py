@@ -6,19 +6,27 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.colors import rgba
-from dfd.common.linear_algebra import Float64, Int32, Int64
+from dfd.common.colors import ranged
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.common.polygons import distinct_rows, long_faces, ranges, triangulate
-from dfd.common.text import decoded, encoding_of
+from dfd.common.text import decoded, encoding_of, shortened
 from dfd.common.weld import first_occurrences
-from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.appearance import WHITE, Material, Wrap
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
+from dfd.mesh.file.shading import FLAT, UNSAID
 
 _PICTURES = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")  # prefixes of MTL keywords that name an image
-_OPTIONS = re.compile(rb"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
+_NUMBER = rb"\s+[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?=\s)"
+_OPTION = re.compile(  # an option of a texture, and its values
+    rb"-(?:([ost])((?:%(n)s){1,3})|(mm)((?:%(n)s){1,2})|(imfchan|type)(\s+\w+)|(\w+)((?:\s+(?:on|off)(?=\s)|%(n)s)+))\s+"
+    % {b"n": _NUMBER},
+    re.IGNORECASE,
+)
+# Options that only filter a texture, or set what it affects in materials that are not read.
+_HARMLESS = ("blendu", "blendv", "bm", "boost", "texres", "type")
 
 _GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
@@ -27,7 +35,7 @@ def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFi
     """Return the scene of an OBJ file; raise ValueError if the file is malformed."""
     text = parse(data)
     instances, numbers, corner_rows = _instances(text, path, assets)
-    source = FileSource(np.frombuffer(data, np.uint8), numbers, corner_rows)
+    source = FileSource(np.frombuffer(data, np.uint8), numbers, assets.root, corner_rows)
     return SceneFile.of(path, instances, own_vertices=text.positions, source=source)
 
 
@@ -58,27 +66,49 @@ def _instances(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[Mes
     corner_rows[corners] = row
     triangles = row[triangulate(text.positions, text.corners[corners, 0], sizes)]
     starts = np.searchsorted(rows[:, 0], np.arange(len(begins)))
-    own_rows, own_faces = np.split(rows[:, 1:], starts[1:]), np.split(triangles, np.cumsum(sizes - 2)[begins[1:] - 1])
+    stops = np.cumsum(sizes - 2)[begins[1:] - 1]
+    own_rows, own_faces = np.split(rows[:, 1:], starts[1:]), np.split(triangles, stops)
+    smoothing = np.split(np.repeat(_smoothing(text)[order], sizes - 2), stops)
+    colors = None if text.colors is None else ranged(text.colors)
     instances = []
-    for face, start, own, drawn in zip(order[begins].tolist(), starts.tolist(), own_rows, own_faces, strict=False):
+    for face, start, own, drawn, smooth in zip(
+        order[begins].tolist(), starts.tolist(), own_rows, own_faces, smoothing, strict=False
+    ):
         own_material = materials.get(material_names[material[face]]) if material[face] >= 0 else None
-        geometry = _geometry(text, own, drawn - start, own_material)
+        own_colors = None if colors is None else colors[own[:, 0]]
+        geometry = _geometry(text, own, drawn - start, own_colors, own_material, smooth)
         instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
     return instances, rows[:, 1], corner_rows
 
 
-def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
+def _geometry(
+    text: ObjText, rows: Int64, faces: Int64, colors: Float32 | None, material: Material | None, smoothing: Int64
+) -> Geometry:
     """Return a geometry. `rows` (N, 3) are indices of position, UV and normal; `faces` (F, 3) index the rows."""
-    normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
-    textured = bool((rows[:, 1] >= 0).any())
     return Geometry(
         text.positions[rows[:, 0]],
         faces,
-        normals,
-        np.where(rows[:, 1:2] >= 0, text.uv[rows[:, 1]], 0) if textured else None,
-        None if text.colors is None else rgba(text.colors[rows[:, 0]]),
+        _taken(text.normals, rows[:, 2]),
+        _taken(text.uv, rows[:, 1]),
+        colors,
         material=material,
+        smoothing=smoothing,
     )
+
+
+def _taken(values: Float64, index: Int64) -> Float64 | None:
+    """Return rows (N, K) of `values`, NaN where the index (N,) is −1; None if all are −1."""
+    known = index >= 0
+    if not known.any():
+        return None
+    return np.where(known[:, None], values[np.where(known, index, 0)], np.nan)
+
+
+def _smoothing(text: ObjText) -> Int64:
+    """Return the smoothing group (P,) of each face, as in `shading`."""
+    names, state = _state_at_faces(text, "s", b"")
+    flat = [name.lower() in (b"off", b"0", b"null") for name in names]
+    return np.array([UNSAID, *(FLAT if flat[index] else index for index in range(1, len(names)))])[state]
 
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
@@ -128,8 +158,49 @@ def face_groups(data: bytes) -> dict[str, Int64]:
 
 def picture_name(line: bytes) -> bytes:
     """Return the image file that a line of an MTL file names, without options; b"" if the line names none."""
+    return _picture(line)[0]
+
+
+def _picture(line: bytes) -> tuple[bytes, dict[str, list[str]]]:
+    """Return the image file that a line of an MTL file names, and the values of each option before the name."""
     keyword, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
-    return _OPTIONS.sub(b"", rest).strip() if keyword.lower().startswith(_PICTURES) else b""
+    if not keyword.lower().startswith(_PICTURES):
+        return b"", {}
+    options: dict[str, list[str]] = {}
+    rest = rest.lstrip()
+    while found := _OPTION.match(rest):
+        name, values = (each for each in found.groups() if each is not None)
+        options[decoded(name).lower()] = decoded(values).split()
+        rest = rest[found.end() :]
+    return rest.strip(), options
+
+
+def _textured(line: bytes, name: str, assets: AssetFolder) -> Material | None:
+    """Return a material with the texture that a line of an MTL file names, or None if it cannot be read.
+
+    The options -s, -o, -clamp and -mm are applied; other options that change the texture are noted for a warning.
+    """
+    file, options = _picture(line)
+    picture = decoded(file)
+    texels = assets.texture(picture, picture)
+    if texels is None:
+        return None
+
+    def numbers(option: str, *defaults: float) -> list[float]:
+        given = [float(each) for each in options.get(option, ())]
+        return [*given, *defaults[len(given) :]]
+
+    base, gain = numbers("mm", 0, 1)
+    if (base, gain) != (0, 1):
+        colors = texels[..., :3] * gain + base * 255
+        texels = np.concatenate([np.rint(colors).clip(0, 255).astype(np.uint8), texels[..., 3:]], axis=-1)
+    scale, offset = numbers("s", 1, 1, 1), numbers("o", 0, 0, 0)
+    wrap: Wrap = "clamp" if options.get("clamp") == ["on"] else "repeat"
+    for option, values in options.items():
+        changes = any(numbers("t", 0)) if option == "t" else values != ["off"] and option not in _HARMLESS
+        if changes and option not in ("s", "o", "clamp", "mm"):
+            assets.notes.add(f"the option -{option} of the texture {shortened(picture)} is ignored")
+    return Material(WHITE, texels, (wrap, wrap), name=name, placement=(scale[0], scale[1], offset[0], offset[1]))
 
 
 def used_materials(text: ObjText, assets: AssetFolder) -> tuple[dict[bytes, list[bytes]], set[bytes]]:
@@ -172,7 +243,7 @@ def _material(name: str, lines: list[bytes], assets: AssetFolder) -> Material:
     The diffuse color of a textured material is ignored, because programs disagree whether it multiplies the texture.
     """
     colors: dict[bytes, Float64] = {}
-    pictures: dict[bytes, str] = {}
+    pictures: dict[bytes, bytes] = {}
     for line in lines:
         keyword, *words = line.lower().split()
         if keyword in (b"kd", b"ke") and len(words) >= 3:
@@ -181,12 +252,12 @@ def _material(name: str, lines: list[bytes], assets: AssetFolder) -> Material:
             except ValueError:
                 continue
         elif keyword in (b"map_kd", b"map_ke") and picture_name(line):
-            pictures[keyword[4:]] = decoded(picture_name(line))
+            pictures[keyword[4:]] = line
     color, picture = colors.get(b"kd"), pictures.get(b"kd")
     if picture is None and color is not None and not color.any():  # a black surface shows only the light that it emits
         color, picture = colors.get(b"ke", color), pictures.get(b"ke")
-    if picture is not None and (texels := assets.texture(picture, picture)) is not None:
-        return Material(WHITE, texels, name=name)
+    if picture is not None and (material := _textured(picture, name, assets)) is not None:
+        return material
     if picture is not None or color is None or not np.isfinite(color).all():
         return Material(name=name, is_default=True)
     red, green, blue = color.tolist()

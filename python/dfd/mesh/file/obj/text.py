@@ -14,7 +14,7 @@ from dfd.common.linear_algebra import Float64, Int64
 from dfd.common.text import decoded, encoding_of, numbers, readable_numbers, shortened
 
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
-_STATEMENTS = ("o", "g", "usemtl", "mtllib")
+_STATEMENTS = ("o", "g", "s", "usemtl", "mtllib")
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,10 @@ class ObjText:
 
     data: bytes  # the text of the file, with continued lines joined and as many bytes as the file
     line_break: bytes  # a line feed, or the carriage return of files without one
-    positions: Float64  # (N, 3) from the `v` lines
+    positions: Float64  # (N, 3) from the `v` lines; divided by the fourth number of lines with four numbers
+    scales: Float64 | None  # (N,) the fourth numbers, or 1; None if no `v` line has four numbers
     position_spans: Int64  # (N, 2) bytes of `data` at which the coordinates of each position begin and end
-    colors: Float64 | None  # (N, 3) from the `v` lines; None unless all `v` lines have colors
+    colors: Float64 | None  # (N, 3) from the `v` lines; NaN in lines without a color, None if no line has one
     uv: Float64  # (T, 2) from the `vt` lines
     normals: Float64  # (M, 3) from the `vn` lines
     normal_spans: Int64  # (M, 2) bytes of `data` at which the coordinates of each normal begin and end
@@ -65,10 +66,16 @@ def parse(data: bytes) -> ObjText:
     uv, first_uv = _values(uv_tokens, "vt", at_least=1)
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
     second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single number is both u and v
+    scales = _scales(values, first, vertices.counts)
+    positions = values[first[:, None] + np.arange(3)]
+    if scales is not None:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            positions /= scales[:, None]
     return ObjText(
         data=text,
         line_break=line_break,
-        positions=values[first[:, None] + np.arange(3)],
+        positions=positions,
+        scales=scales,
         position_spans=_spans(vertices, first),
         colors=_colors(values, first, vertices.counts),
         uv=uv[np.stack([first_uv, second_uv], axis=1)],
@@ -120,7 +127,7 @@ class _Lines:
     def statements(self) -> tuple[tuple[int, str, bytes], ...]:
         """Return line number, keyword and further words of each line that names a part, a material or an MTL file."""
         found = []
-        for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogum"))):
+        for line in np.flatnonzero(np.isin(self._keywords[0], list(b"ogsum"))):
             words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
             keyword = words[0].decode("latin-1")
             if keyword in _STATEMENTS:
@@ -148,12 +155,21 @@ def _spans(tokens: Tokens, first: Int64) -> Int64:
     return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1) + tokens.shifts[:, None]
 
 
+def _scales(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
+    """Return the fourth number w (N,) of the lines of four numbers, and 1 for all other lines; None if all are 1."""
+    scales = np.ones(len(first))
+    scales[counts == 4] = values[first[counts == 4] + 3]
+    return None if (scales == 1).all() else scales
+
+
 def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
-    """Return the colors (N, 3), in [0, 1], that follow the coordinates; None unless all `v` lines have colors."""
-    if not len(counts) or counts.min() < 6:
+    """Return the colors (N, 3) that follow the coordinates, NaN in lines without a color; None if no line has one."""
+    colored = counts >= 6
+    if not colored.any():
         return None
-    colors: Float64 = values[first[:, None] + np.arange(3, 6)]
-    return colors / 255 if colors.max() > 1 else colors
+    colors = np.full((len(first), 3), np.nan)
+    colors[colored] = values[first[colored, None] + np.arange(3, 6)]
+    return colors
 
 
 def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:

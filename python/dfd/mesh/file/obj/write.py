@@ -43,7 +43,7 @@ def _encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequ
     has_materials = any(library.add(each.geometry.material) for each in scene.primitives)
     body: list[bytes] = []
     uv_count = normal_count = 0
-    part = None
+    part, said_flat = None, False
     for each in moved:
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
@@ -59,6 +59,9 @@ def _encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequ
             body.append(text_lines(b"vn", each.normals_to_scene(each.normals)))
             columns[2] = local + normal_count
             normal_count += len(each.normals)
+        elif each.geometry.smoothing is not None and not each.geometry.smoothing.any() and not said_flat:
+            said_flat = True  # only glTF files say this, and they say it of all faces without normals
+            body.append(b"s off\n")
         used = library.add(each.geometry.material)
         if used is None and has_materials:  # without `usemtl`, the material of the previous primitive would apply
             used = library.plain(1.0 if each.geometry.colors is not None else GRAY)

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.colors import rgba
+from dfd.common.colors import ranged
 from dfd.common.edits import Edits, far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.polygons import check_corners, long_faces, ranges, triangulate
-from dfd.common.text import decoded, numbers, readable_numbers, shortened
+from dfd.common.text import decoded, number, numbers, readable_numbers, shortened
 from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.complete import existing_completed
@@ -27,12 +27,16 @@ from dfd.mesh.file.scene_file import FileSource, SceneFile
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _SPELLED = dict(zip(_CODES, ("char", "uchar", "short", "ushort", "int", "uint", "float", "double"), strict=True))
 _TYPES = {name: code for code in _CODES for name in (_SPELLED[code], np.dtype(code).name)}
+_TYPES |= {"int64": "i8", "uint64": "u8", "long": "i8", "ulong": "u8"}  # beyond the format, as some programs write
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _CHANNELS = ("red", "green", "blue", "alpha")
-_KNOWN = {"x", "y", "z", "nx", "ny", "nz", *_CHANNELS, *(each for uv in _UV_NAMES for each in uv)}
+_COLOR_NAMES = (_CHANNELS, tuple(f"diffuse_{each}" for each in _CHANNELS), ("r", "g", "b", "a"))
+_NORMAL_NAMES = ("nx", "ny", "nz")
+_POSITION_NAMES = ("x", "y", "z")
 _LINE = re.compile(rb"[^\r\n]+")
-_TYPE = re.compile(rb"\s*property\s+(\w+)")
+_END = re.compile(rb"(?<![^\r\n])[ \t]*end_header[ \t]*(?=[\r\n]|$)")
+_TYPE = re.compile(rb"\s*property\s+(\w+)", re.IGNORECASE)
 
 
 @dataclass
@@ -58,8 +62,8 @@ class _Content:
 
     start: int  # byte of the file at which the body begins, after "end_header"
     order: str  # byte order, "<" or ">"; "" for a text file, whose body is converted to 64-bit floats
-    picture: str | None  # file name of the texture
-    elements: dict[str, _Element]
+    pictures: tuple[str, ...]  # file names of textures
+    elements: dict[str, _Element]  # the properties of each element by their names in lower case
 
 
 def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFile:
@@ -82,31 +86,39 @@ def _geometry(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, F
         raise ValueError("its vertices have no x, y and z")
     corners, sizes, kept = _polygons(path, face, content.elements.get("tristrips", {}), len(positions))
     triangles = triangulate(positions, corners, sizes)
-    picture = content.picture
+    if content.pictures[1:]:
+        assets.notes.add(f"the textures after the first, {shortened(', '.join(content.pictures[1:]))}, are ignored")
+    picture = next(iter(content.pictures), None)
     texels = None if picture is None else assets.texture(picture, shortened(picture))
-    uv = next((each for names in _UV_NAMES if (each := _columns(vertex, names)) is not None), None)
-    of_corners = face.get("texcoord")
+    uv_names = next((names for names in _UV_NAMES if _columns(vertex, names) is not None), ())
+    uv = _columns(vertex, uv_names) if uv_names else None
     origin = np.arange(len(positions))
     faces = corners[triangles]
     face_sizes = _indices(face)[1]
-    if texels is not None and of_corners and of_corners.counts and np.array_equal(of_corners.sizes, 2 * face_sizes):
-        pairs = of_corners.values.astype(np.float64).reshape(-1, 2)[kept]
-        rows, where = np.unique(np.column_stack([corners, pairs]), axis=0, return_inverse=True)
-        origin, uv, faces = rows[:, 0].astype(np.int64), rows[:, 1:], where.ravel()[triangles]
-    normals, colors, face_colors = _columns(vertex, ("nx", "ny", "nz")), _colors(vertex), _colors(face)
-    if face_colors is not None and len(face_colors) == len(face_sizes):
+    of_corners = _corner_coordinates(face.get("texcoord"), face_sizes)
+    if texels is not None and of_corners is not None:
+        pairs = np.full((len(corners), 2), np.nan)  # triangle strips have none
+        pairs[: int(kept.sum())] = of_corners[kept]
+        known = np.isfinite(pairs).all(axis=1)
+        keys = np.column_stack([corners, known, np.where(known[:, None], pairs, 0)])
+        rows, where = np.unique(keys, axis=0, return_inverse=True)
+        origin, faces = rows[:, 0].astype(np.int64), where.ravel()[triangles]
+        uv, uv_names = np.where(rows[:, 1:2] > 0, rows[:, 2:], np.nan), ()
+    normals, (colors, color_names), (face_colors, _) = _columns(vertex, _NORMAL_NAMES), _colors(vertex), _colors(face)
+    if face_colors is not None:  # triangle strips have none
         face_colors = np.repeat(face_colors, np.maximum(face_sizes - 2, 0), axis=0)
-    if face_colors is not None and len(face_colors) != len(faces):  # triangle strips of the file have no colors
-        face_colors = None
+        gap = np.full((len(faces) - len(face_colors), 4), np.nan, np.float32)
+        face_colors = np.concatenate([face_colors, gap])
+    read = {*_POSITION_NAMES, *(() if normals is None else _NORMAL_NAMES), *uv_names, *color_names}
     geometry = Geometry(
         positions[origin],
         faces,
         None if normals is None else normals[origin],
-        uv,
+        uv if uv is None or len(uv) == len(origin) else uv[origin],
         None if colors is None else colors[origin],
         face_colors,
         None if texels is None else Material(WHITE, texels),
-        {name: each.values[origin] for name, each in vertex.items() if each.counts is None and name not in _KNOWN},
+        {each.name: each.values[origin] for name, each in vertex.items() if each.counts is None and name not in read},
     )
     return geometry, positions, origin
 
@@ -156,35 +168,54 @@ def _columns(element: _Element, names: Sequence[str]) -> Float64 | None:
     return np.stack(columns, axis=1).astype(np.float64) if len(columns) == len(names) else None
 
 
-def _colors(element: _Element) -> Float32 | None:
-    for prefix in ("", "diffuse_"):
-        for names in (_CHANNELS, _CHANNELS[:3]):
-            columns = [rgba(each[:, None])[:, 0] for each in _scalars(element, [prefix + name for name in names])]
-            if len(columns) == len(names):
-                return rgba(np.stack(columns, axis=1))
-    return None
+def _corner_coordinates(found: _Property | None, sizes: Int64) -> Float64 | None:
+    """Return the texture coordinates (C, 2) of face corners; NaN for faces whose list has another length."""
+    if found is None or found.counts is None or not len(sizes):
+        return None
+    fits = found.sizes == 2 * sizes
+    if not (fits & (sizes > 0)).any():
+        return None
+    pairs = np.full((int(sizes.sum()), 2), np.nan)
+    pairs[np.repeat(fits, sizes)] = found.values[np.repeat(fits, found.sizes)].astype(np.float64).reshape(-1, 2)
+    return pairs
+
+
+def _colors(element: _Element) -> tuple[Float32 | None, tuple[str, ...]]:
+    """Return the colors (N, 4) of an element, NaN where they are missing, and the names of their properties."""
+    for names in _COLOR_NAMES:
+        for channels in (names, names[:3]):
+            columns = _scalars(element, channels)
+            if len(columns) == len(channels):
+                if all(each.dtype.kind in "iu" and each.dtype.itemsize == 1 for each in columns):
+                    columns = [each.view(f"{each.dtype.byteorder}u1") for each in columns]
+                    return ranged(np.stack(columns, axis=1)), channels
+                return ranged(np.stack([each.astype(np.float64) for each in columns], axis=1)), channels
+    return None, ()
 
 
 def _parse(data: bytes) -> _Content:
-    head, mark, body = data.partition(b"end_header")
+    mark = _END.search(data)
+    head, body = (data, b"") if mark is None else (data[: mark.start()], data[mark.end() :])
     lines = [(line.start(), text) for line in _LINE.finditer(head) if (text := decoded(line[0]).strip())]
-    if not mark or not lines or lines[0][1].lower() != "ply":
+    if mark is None or lines[0][1].lower() != "ply":
         raise ValueError("it has no header of a PLY file")
-    order, picture = None, None
+    order, pictures = None, list[str]()
     layout: list[tuple[str, int, list[_Property]]] = []
     for place, line in lines[1:]:
         words, malformed = line.split(), ValueError(f"it has the malformed line {shortened(line)}")
-        if words[0] == "format" and len(words) > 1 and words[1] in _ORDERS:
-            order = _ORDERS[words[1]]
+        words[0] = words[0].lower()
+        if words[0] == "format" and len(words) > 1 and words[1].lower() in _ORDERS:
+            order = _ORDERS[words[1].lower()]
         elif words[:2] == ["comment", "TextureFile"] and len(words) > 2:
-            picture = picture or line.split(None, 2)[2]
+            pictures.append(line.split(None, 2)[2])
         elif words[0] == "element":
             if len(words) != 3 or not words[2].isdecimal():
                 raise malformed
             layout.append((words[1], int(words[2]), []))
         elif words[0] == "property":
-            types = words[2:4] if words[1:2] == ["list"] else words[1:2]
-            if not layout or len(words) != (5 if words[1:2] == ["list"] else 3) or not set(types) <= set(_TYPES):
+            is_list = [each.lower() for each in words[1:2]] == ["list"]
+            types = [each.lower() for each in (words[2:4] if is_list else words[1:2])]
+            if not layout or len(words) != (5 if is_list else 3) or not set(types) <= set(_TYPES):
                 raise malformed
             dtypes = [np.dtype((order or "=") + _TYPES[each]) for each in types]
             if dtypes[:-1] and dtypes[0].kind == "f":
@@ -197,26 +228,57 @@ def _parse(data: bytes) -> _Content:
     if order is None:
         raise ValueError("its header does not name a known format")
     start = 2 if body[:2] == b"\r\n" else 1  # the line break after the header
+    content = _Content(mark.end(), order, tuple(pictures), {})
     if not order:  # parse a text file like a binary file of 64-bit floats
-        body, start = _text_as_floats(body), 0
-    content = _Content(len(head) + len(mark), order, picture, {})
-    for name, count, properties in layout:
-        if count > len(body):
-            raise _cut_off(name, count)
-        if count and properties:
-            start = _read_rows(body, start, name, count, properties)
-        for each in properties:
-            each.values = _typed(each.values, each.dtype)
-        content.elements.setdefault(name, {each.name: each for each in properties})
+        line_count = len(head.splitlines()) + 1
+        written, body, start = body, _text_as_floats(body, line_count), 0
+    try:
+        for name, count, properties in layout:
+            if count > len(body):
+                raise _cut_off(name, count)
+            if count and properties:
+                start = _read_rows(body, start, name, count, properties)
+            for each in properties:
+                each.values = _typed(each.values, each)
+            content.elements.setdefault(name.lower(), {each.name.lower(): each for each in properties})
+    except ValueError:
+        if not order:
+            _check_lines(written, layout, line_count)
+        raise
+    if not order and start < len(body):
+        _check_lines(written, layout, line_count)
     return content
 
 
-def _text_as_floats(body: bytes) -> bytes:
+def _check_lines(text: bytes, layout: list[tuple[str, int, list[_Property]]], before: int) -> None:
+    """Raise ValueError with the first row whose line has too many or too few numbers, if each row has a line.
+
+    `before` lines precede the text.
+    """
+    lines = [(place, words) for place, line in enumerate(text.splitlines(), before) if (words := line.split())]
+    rows = [(name, row, properties) for name, count, properties in layout if properties for row in range(count)]
+    if len(lines) < len(rows):
+        return
+    for (line, words), (name, row, properties) in zip(lines, rows, strict=False):
+        needed = 0
+        for each in properties:
+            size = number(words[needed]) if each.counts is not None and needed < len(words) else 0.0
+            needed += 1 + (int(size) if 0 <= size < len(text) else 0)
+        if len(words) != needed:
+            has = f"has {len(words)} numbers, and {needed} are needed"
+            raise ValueError(f"line {line}: row {row} of {shortened(name)} {has}")
+
+
+def _text_as_floats(body: bytes, before: int) -> bytes:
+    """Return the numbers of a text as 64-bit floats. `before` lines precede the text."""
     words = body.split()
     found = numbers(readable_numbers(body), np.float64, len(words))
     if found is None:
-        wrong = next((word for word in words if numbers(readable_numbers(word), np.float64, 1) is None), b"")
-        raise ValueError(f"its body must consist of numbers, got {shortened(decoded(wrong))}")
+        for line, text in enumerate(body.splitlines(), before):
+            for word in text.split():
+                if numbers(readable_numbers(word), np.float64, 1) is None:
+                    raise ValueError(f"line {line} must consist of numbers, got {shortened(decoded(word))}")
+        raise ValueError("its body must consist of numbers")
     return found.tobytes()
 
 
@@ -272,16 +334,21 @@ def _read_rows(data: bytes, start: int, name: str, count: int, properties: list[
     return end
 
 
-def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return numbers with the type that the header states; floats of a text file keep 64 bits."""
+def _typed(values: NDArray[Any], own: _Property) -> NDArray[Any]:
+    """Return numbers with the type that the header states.
+
+    Floats of a text file keep 64 bits, and so do all numbers of a property that do not fit its integer type.
+    """
+    dtype = own.dtype
     if values.dtype == dtype or dtype.kind == "f":
         return values
-    if not np.array_equal(values, np.trunc(values)):
-        raise ValueError("it has a fraction in place of a whole number")
-    limits = np.iinfo(dtype)
-    if len(values) and not limits.min <= values.min() <= values.max() <= limits.max:
-        raise ValueError(f"it has a number that is out of range for {dtype.name}")
-    return values.astype(dtype)
+    limits, whole = np.iinfo(dtype), np.array_equal(values, np.trunc(values))
+    if whole and (not len(values) or limits.min <= values.min() <= values.max() <= limits.max):
+        return values.astype(dtype)
+    if own.counts is None:
+        return values
+    what = "a number that is out of range for " + dtype.name if whole else "a fraction in place of a whole number"
+    raise ValueError(f"a list of {shortened(own.name)} has {what}")
 
 
 def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
@@ -293,7 +360,7 @@ def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
     content = _parse(data)
     edits, vertex, body = Edits(data), content.elements["vertex"], np.frombuffer(data, np.uint8)[content.start :]
     edges = np.flatnonzero(np.diff(body > ord(" "), prepend=False, append=False)).reshape(-1, 2) + content.start
-    for names, values in ((("x", "y", "z"), vertices), (("nx", "ny", "nz"), normals)):
+    for names, values in ((_POSITION_NAMES, vertices), (_NORMAL_NAMES, normals)):
         old = _columns(vertex, names)
         if old is None:
             continue
@@ -345,8 +412,11 @@ def _encoded(geometry: Geometry) -> bytes:
     vertex |= _named(("nx", "ny", "nz"), geometry.normals, "<f4") | _named("st", geometry.uv, "<f4")
     vertex |= _named(_CHANNELS, geometry.colors, "u1")
     for name, values in geometry.attributes.items():
-        if values.shape == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
-            vertex.setdefault(name, values if values.dtype.itemsize <= 4 else values.astype("f8"))
+        if values.shape[:1] == (len(geometry.vertices),) and re.fullmatch(r"\w+", name) and values.dtype.kind in "iuf":
+            columns = values.reshape(len(values), -1).T
+            names = [name] if values.ndim == 1 else [f"{name}_{index}" for index in range(len(columns))]
+            for own, column in zip(names, columns, strict=True):
+                vertex.setdefault(own, column if column.dtype.itemsize <= 4 else column.astype("f8"))
     channels = _named(_CHANNELS, geometry.face_colors, "u1")
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(geometry.vertices)}"]
     head += [f"property {_SPELLED[values.dtype.str[1:]]} {name}" for name, values in vertex.items()]

@@ -1,6 +1,9 @@
-"""Read and write STL files: positions and normals of faces, without colors.
+"""Read STL files with the colors that two programs store in them, and write them without colors.
 
-The format: 3D Systems, "StereoLithography Interface Specification", 1989.
+The format: 3D Systems, "StereoLithography Interface Specification", 1989. Colors have five bits a channel, in the two
+bytes of a face that the format leaves to programs. VisCAM stores blue in the lowest bits, and sets the highest bit of
+faces with a color. Materialise Magics stores red there, and clears the highest bit of these faces; all others have the
+color after "COLOR=" in the header.
 """
 
 import codecs
@@ -12,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.edits import SAME, Edits, rounding, rows_as_text
-from dfd.common.linear_algebra import Float64, unit
+from dfd.common.linear_algebra import Float32, Float64, unit
 from dfd.common.text import UniqueNames, decoded, number
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.moved import Saving
@@ -21,6 +24,8 @@ from dfd.mesh.file.scene_file import FileSource, SceneFile
 
 _HEADER = 84  # bytes before the first face of a binary file; the last four hold the number of faces
 _FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_COLOR = re.compile(rb"COLOR=(.{4})", re.DOTALL)
+_OWN = 0x8000  # the highest bit of the attribute of a face
 _NAME = re.compile(rb"(?im)^[ \t]*solid\b((?:(?!\bfacet\s+normal\b)[^\r\n])*)")
 _END = re.compile(rb"(?im)^[ \t]*end[ \t]*solid\b[^\r\n]*")
 _FACET_END = re.compile(rb"(?i)\bend[ \t]*facet\b")
@@ -40,7 +45,8 @@ def read(path: Path, data: bytes, assets: AssetFolder, at_rest: bool) -> SceneFi
 def _solids(data: bytes) -> list[tuple[str, Geometry]]:
     binary = _binary(data)
     if binary is not None:
-        return [("", _soup(binary["corners"].reshape(-1, 3)))]
+        colors = _colors(data[: _HEADER - 4], binary["attribute"])
+        return [("", _soup(binary["corners"].reshape(-1, 3), colors))]
     if data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() != b"solid":
         raise ValueError(f"it is cut off after {len(data)} bytes")
     text = _without_names(data)
@@ -57,6 +63,26 @@ def _solids(data: bytes) -> list[tuple[str, Geometry]]:
             solids.append((decoded(name[1]).strip() if name else "", _soup(np.array(found, np.float64))))
         start = end
     return solids
+
+
+def _colors(head: bytes, attribute: NDArray[np.uint16]) -> Float32 | None:
+    """Return the colors (F, 4) of faces from their `attribute` (F,), NaN for faces without one; None if none has one.
+
+    If the header names a color and no face has the bit that Magics clears, the file is not from Magics, or all its
+    faces have the color of the header. Different attributes then decide for VisCAM.
+    """
+    marked = (attribute & _OWN) > 0
+    red, green, blue = ((attribute >> shift & 31) / 31 for shift in (10, 5, 0))
+    default = _COLOR.search(head)
+    if default is not None and not (marked.all() and len(attribute) and (attribute != attribute[0]).any()):
+        colors = np.column_stack([blue, green, red, np.ones(len(attribute))])
+        colors[marked] = np.frombuffer(default[1], np.uint8) / 255
+    elif not marked.any():
+        return None
+    else:
+        colors = np.column_stack([red, green, blue, np.ones(len(attribute))])
+        colors[~marked] = np.nan
+    return colors.astype(np.float32)
 
 
 def _without_names(data: bytes) -> bytes:
@@ -135,6 +161,6 @@ def _turned(normals: NDArray[Any], before: Float64, after: Float64) -> tuple[Flo
     return side * new, known & (side[:, 0] != 0)
 
 
-def _soup(corners: NDArray[np.floating]) -> Geometry:
-    """Return triangles that share no vertices, from the positions (3F, 3) of their corners."""
-    return Geometry(corners.astype(np.float64), np.arange(len(corners)).reshape(-1, 3))
+def _soup(corners: NDArray[np.floating], colors: Float32 | None = None) -> Geometry:
+    """Return triangles that share no vertices, from the positions (3F, 3) of their corners and their colors (F, 4)."""
+    return Geometry(corners.astype(np.float64), np.arange(len(corners)).reshape(-1, 3), face_colors=colors)

@@ -6,21 +6,29 @@ import { ask } from "./connection";
 import { seenTransforms } from "./edit";
 import { note, problem } from "./toasts";
 
-export async function upload(files: readonly File[]): Promise<void> {
+/** A file, and its path in the folder that the user dropped; without a folder, its name. */
+export interface Sent {
+  file: File;
+  path: string;
+}
+
+const MOST_SENT = 500; // the server accepts no more files
+
+export async function upload(files: readonly Sent[]): Promise<void> {
   const { session } = store.get();
   if (files.length === 0) return;
   if (!session) {
     problem("The server is not connected yet. Try again in a moment.");
     return;
   }
-  const bytes = files.reduce((sum, file) => sum + file.size, 0);
+  const bytes = files.reduce((sum, { file }) => sum + file.size, 0);
   if (bytes > session.upload_bytes) {
     problem(`The files have ${megabytes(bytes)}, but the server accepts at most ${megabytes(session.upload_bytes)}.`);
     return;
   }
   const form = new FormData();
-  for (const file of files) form.append("files", file, file.name);
-  store.set({ uploading: files[0].name });
+  for (const { file, path } of files) form.append("files", file, path);
+  store.set({ uploading: files[0].file.name });
   try {
     const address = new URL("upload", location.href);
     address.search = new URLSearchParams({ session: session.session }).toString();
@@ -44,8 +52,33 @@ export function takeDrops(): void {
   addEventListener("drop", (event) => {
     event.preventDefault();
     store.set({ dropping: false });
-    void upload([...(event.dataTransfer?.files ?? [])]);
+    const { items, files } = event.dataTransfer ?? { items: [], files: [] };
+    // The entries must be taken before the handler returns: then the browser empties the list.
+    const entries = [...items].map((item) => item.webkitGetAsEntry()).filter((entry) => entry !== null);
+    void (entries.length > 0 ? walked(entries) : Promise.resolve(named(files))).then(upload);
   });
+}
+
+function named(files: Iterable<File>): Sent[] {
+  return [...files].map((file) => ({ file, path: file.name }));
+}
+
+/** Returns the files of dropped folders and files, with their paths. Hidden files are left out. */
+export async function walked(entries: readonly FileSystemEntry[]): Promise<Sent[]> {
+  const found: Sent[] = [];
+  const left = [...entries];
+  for (let entry = left.shift(); entry && found.length <= MOST_SENT; entry = left.shift()) {
+    if (entry.name.startsWith(".")) continue;
+    if (entry.isFile) {
+      const file = await new Promise<File>((resolve, reject) => (entry as FileSystemFileEntry).file(resolve, reject));
+      found.push({ file, path: entry.fullPath.replace(/^\//, "") });
+    } else {
+      const reader = (entry as FileSystemDirectoryEntry).createReader();
+      const read = () => new Promise<FileSystemEntry[]>((resolve, reject) => reader.readEntries(resolve, reject));
+      for (let some = await read(); some.length > 0; some = await read()) left.push(...some); // 100 at a time
+    }
+  }
+  return found;
 }
 
 /** Let the user choose files to upload. */
@@ -53,8 +86,9 @@ export function chooseFiles(): void {
   const input = document.createElement("input");
   input.type = "file";
   input.multiple = true;
-  input.accept = store.get().session?.formats.join(",") ?? "";
-  input.onchange = () => void upload([...(input.files ?? [])]);
+  const { session } = store.get();
+  input.accept = session ? [...session.formats, ...session.beside].join(",") : "";
+  input.onchange = () => void upload(named(input.files ?? []));
   input.click();
 }
 
