@@ -207,6 +207,8 @@ class Deformer(History):
         reach, level, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
             The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
             With `mask="part"`, the mask is the part at the handle.
+        detach
+            Whether the part comes loose from pieces of the mesh that it touches. By default, it stays attached.
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its

@@ -15,7 +15,7 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights, Key
-from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_at
+from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
 from dfd.editing.influence.plan import Column, Piece, Plan, allocated
@@ -23,6 +23,7 @@ from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
+from dfd.geometry.gaps import Gaps
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
@@ -77,6 +78,11 @@ class HandleWeights:
         return parts
 
     @cached_property
+    def gaps(self) -> Gaps:
+        """Return the places where pieces of the mesh touch each other."""
+        return Gaps(self.mesh)
+
+    @cached_property
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
         return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
@@ -96,19 +102,22 @@ class HandleWeights:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self.field, self.mesh)
 
-    def hold(self, place: Place, level: int = 0, plane: SymmetryPlane | None = None) -> Holding | None:
+    def hold(
+        self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False
+    ) -> Holding | None:
         """Return the part at a place, at rest; None if there is no part, such as on a ball.
 
-        `level` is as in `Parts.part`. If given, `plane` replaces the shape's planes of symmetry.
+        `level` is as in `Parts.part`, and `detach` as in the function `hold`. If given, `plane` replaces the shape's
+        planes of symmetry.
         """
-        key = (place, level, plane)
+        key = (place, level, plane, detach)
         if key in self._holdings:
             self._holdings[key] = self._holdings.pop(key)
         else:
-            self._holdings[key] = self._held(place, level, plane)
+            self._holdings[key] = self._held(place, level, plane, detach)
         return self._holdings[key]
 
-    def _held(self, place: Place, level: int, plane: SymmetryPlane | None) -> Holding | None:
+    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> Holding | None:
         vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
@@ -133,7 +142,7 @@ class HandleWeights:
         def planes() -> Sequence[SymmetryPlane]:
             return self._planes if plane is None else [plane]
 
-        return hold(self.mesh, component, vertex, place.position, level, alike, planes, region)
+        return hold(self.mesh, component, vertex, place.position, level, alike, planes, region, detach=detach)
 
     def probed(self, vertex: int, level: int, affine: Float64) -> Float32 | None:
         """Return the weights (V,) of the part at a vertex that `affine` (3, 4) moves; None if there is no part.
@@ -193,7 +202,7 @@ class HandleWeights:
     def held(self, edit: Edit, handle: Handle) -> Holding | None:
         """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
         level = handle.controls.level if handle.controls.reach == "part" else 0
-        return self.hold(handle.place, level, edit.symmetry)
+        return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
 
     def key(self, edit: Edit, handle: Handle) -> Key:
         """Return the key of a handle's column in `by_features`."""
@@ -386,7 +395,7 @@ def _dense(components: Sequence[Component], mesh: Mesh, affine: Float64 = IDENTI
     total = np.zeros(len(mesh.vertices), np.float32)
     for each in components:
         total[each.core.vertices] += each.core.values
-        total[each.vertices] += each.share * weights_at(each.depth, band_of(each, affine, IDENTITY, mesh.diagonal))
+        total[each.vertices] += each.share * weights_in(each, band_of(each, affine, IDENTITY, mesh.diagonal))
     return total
 
 
