@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float32, Float64, Int64, distinct_pairs
+from dfd.common.linear_algebra import Float32, Float64, Int32, distinct_pairs
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import even_points
 from dfd.mesh.mesh import Mesh
@@ -18,8 +18,8 @@ MOST_SAMPLES = 200_000  # largest number of samples on all pieces
 class _Pair(NamedTuple):
     """Samples of two pieces, as corners (N, 3) and barycentric rows (N, 3), and the distance of the pieces."""
 
-    one: tuple[Int64, Float32]
-    other: tuple[Int64, Float32]
+    one: tuple[Int32, Float32]
+    other: tuple[Int32, Float32]
     apart: float
 
 
@@ -48,7 +48,7 @@ class Gaps:
         apart = np.linalg.norm(points[close[:, 0]] - points[close[:, 1]], axis=1)
         for k, ends in enumerate(pairs):
             sides = [(corners[of_sample == end], rows[of_sample == end]) for end in ends]
-            self._pairs.append(_Pair(*sides, float(apart[which == k].min())))
+            self._pairs.append(_Pair(sides[0], sides[1], float(apart[which == k].min())))
 
     def opened(self, posed: Float64) -> Float64:
         """Return by how much the distance of each pair of touching pieces grows, (P,), in mesh units.
@@ -62,6 +62,6 @@ class Gaps:
         return found
 
 
-def _points(vertices: Float64, samples: tuple[Int64, Float32]) -> Float64:
+def _points(vertices: Float64, samples: tuple[Int32, Float32]) -> Float64:
     """Return the positions (N, 3) of samples of faces."""
     return np.einsum("nk,nkd->nd", samples[1], vertices[samples[0]])

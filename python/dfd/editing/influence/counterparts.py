@@ -16,6 +16,7 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 # If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
@@ -46,6 +47,21 @@ class Counterpart:
         linear = self.frame @ affine[:, :3] @ self.frame.T
         moved = affine[:, :3] @ there + affine[:, 3] - there  # displacement of the handle
         return np.column_stack([linear, here + self.frame @ moved - linear @ here])
+
+    def motion(self, motion: Transform, position: Sequence[float]) -> Transform:
+        """Return the motion of this counterpart, without bend and twist, for that of a handle at `position` (3,)."""
+        pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
+        axes = None if motion.axes is None else np.asarray(motion.axes)
+        if axes is None and len(set(motion.scale)) > 1:
+            axes = np.eye(3)
+        turned = np.linalg.det(self.frame) * self.frame  # rotation vectors are pseudovectors
+        return Transform(
+            translation=self.frame @ motion.translation,
+            rotation=turned @ motion.rotation,
+            scale=motion.scale,
+            pivot=vector("pivot", self.position + self.frame @ pivot),
+            axes=None if axes is None else axes @ self.frame.T,
+        )
 
 
 def find_counterparts(

@@ -80,11 +80,14 @@ class FeatureWeights:
         return self._subtracted.get(fixed, find)
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
+        """Return the factors, (N,), by which distances (Eq. 7) and a mask lower a handle's weights at `vertices` (N,)."""
         distances, power = self._falloff(self.key(handle, edit, in_part=False))
-        if distances is None:
-            return np.ones(len(vertices))
-        return (1.0 - distances[0, vertices].astype(np.float64)) ** power
+        factors = np.ones(len(vertices))
+        if distances is not None:
+            factors *= (1.0 - distances[0, vertices].astype(np.float64)) ** power
+        if handle.controls.mask is not None:
+            factors *= self._rows.inside(handle.controls.mask, handle.controls.mask_feather)[vertices]
+        return factors
 
     def check_targets(self, edit: Edit) -> None:
         """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target."""

@@ -18,7 +18,7 @@ from dfd.editing.influence.feature_weights import FeatureWeights, Key
 from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
-from dfd.editing.influence.plan import Column, Piece, Plan, allocated
+from dfd.editing.influence.plan import Column, Piece, Plan, allocated, same_and_nested, supports
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
@@ -27,6 +27,7 @@ from dfd.geometry.gaps import Gaps
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
+from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
@@ -180,7 +181,11 @@ class HandleWeights:
         return self._plan[1]
 
     def _planned(self, edit: Edit, moving: tuple[int, ...]) -> Plan:
-        columns = [column for i, handle in enumerate(edit.handles) for column in self._columns(edit, i, handle)]
+        columns = [
+            column
+            for i, handle in enumerate(edit.handles)
+            for column in self._columns(edit, i, handle, split=i in moving or _is_split(handle))
+        ]
         self.by_features.keep([self.key(edit, handle) for handle in edit.handles])
         for known in (self._holdings, self._bendable):
             while len(known) > max(SPARE, 2 * len(edit.handles)):
@@ -193,10 +198,36 @@ class HandleWeights:
         at_rest = self._fresh(columns, [self._resting(column) for column in columns]).T
         return allocated(columns, moving, at_rest, self.mesh.vertices, samples, sizes, vertex_of)
 
+    def taken_over(self, edit: Edit, handle: Handle) -> Transform:
+        """Return the motion that the handles of `edit` give to the component at a new handle.
+
+        It is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
+        """
+        moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+        if not moving or edit.rules.overlap != "add":
+            return handle.transform
+        if len(moving) > 1:
+            before = [column for column in self.plan(edit).columns if column.handle in moving]
+        else:
+            before = self._columns(edit, moving[0], edit.handles[moving[0]], split=True)
+        with_new = replace(edit, handles=(*edit.handles, handle))
+        columns = [self._columns(with_new, len(edit.handles), handle, split=True)[0], *before]
+        nodes = nodes_of(self.mesh)
+        weights = self._fresh(columns, [self._resting(column) for column in columns]).T
+        held = supports(weights[:, nodes.members[nodes.starts]])
+        same = same_and_nested(held, (nodes.ends - nodes.starts).astype(np.float64))[0][0, 1:]
+        if not same.any():
+            return handle.transform
+        found = before[int(np.where(same, weights[1:, self.rows.anchor(handle.place)], -1.0).argmax())]
+        source = edit.handles[found.handle]
+        if source.transform.bends:
+            return handle.transform
+        return found.counterpart.motion(source.transform, source.place.position)
+
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
         """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
-        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def held(self, edit: Edit, handle: Handle) -> Holding | None:
@@ -209,11 +240,12 @@ class HandleWeights:
         in_part = handle.controls.reach == "part" and self.held(edit, handle) is not None
         return self.by_features.key(handle, edit, in_part=in_part)
 
-    def _columns(self, edit: Edit, number: int, handle: Handle) -> list[Column]:
+    def _columns(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
+        """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
         key = self.key(edit, handle)
         weights = self.by_features.of(key)
         if key.in_part:
-            return self._of_part(edit, number, handle, weights)
+            return self._of_part(edit, number, handle, weights, split=split)
         assert weights is not None
         if not _needs_counterparts(handle, edit):
             return [Column(number, self._own(handle), still=_sparse(weights))]
@@ -226,14 +258,17 @@ class HandleWeights:
             factors = self._equalizing(edit, handle, weights, [one for one, _ in on])
             portions = _equalized(weights, portions, factors)
         found = [(one, portion) for (one, moves), portion in zip(on, portions, strict=True) if moves]
-        if _is_split(handle):
-            return [Column(number, one, still=portion) for one, portion in found]
+        if split:
+            shared = None if _is_split(handle) else self._own(handle)
+            return [Column(number, shared or one, still=portion) for one, portion in found]
         total = np.zeros(len(weights), np.float32)
         for _, portion in found:
             total[portion.vertices] += portion.values
         return [Column(number, self._own(handle), still=_sparse(np.minimum(total, np.float32(1.0))))]
 
-    def _of_part(self, edit: Edit, number: int, handle: Handle, weights: Float32 | None) -> list[Column]:
+    def _of_part(
+        self, edit: Edit, number: int, handle: Handle, weights: Float32 | None, *, split: bool
+    ) -> list[Column]:
         """Return the columns of a handle that moves a part. `weights` (V,) are factors of the weights; None means 1."""
         held = self.held(edit, handle)
         assert held is not None
@@ -246,8 +281,9 @@ class HandleWeights:
             for component, factor, moves in zip(held.components, factors, on, strict=True)
             if moves
         ]
-        if _is_split(handle):
-            return [Column(number, each.component.counterpart, (each,)) for each in pieces]
+        if split:
+            shared = None if _is_split(handle) else self._own(handle)
+            return [Column(number, shared or each.component.counterpart, (each,)) for each in pieces]
         return [Column(number, self._own(handle), tuple(pieces))]
 
     def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
@@ -273,9 +309,9 @@ class HandleWeights:
     def _equalizing(
         self, edit: Edit, handle: Handle, weights: Float32, counterparts: Sequence[Counterpart]
     ) -> list[float]:
-        """Return factors with which similar counterparts move as much as the handle, except for locality.
+        """Return factors with which similar counterparts move as much as the handle, except for locality and the mask.
 
-        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) still lower the results.
+        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) and of the mask still lower the results.
         """
         near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
         tops = [
@@ -289,7 +325,7 @@ class HandleWeights:
         lowest, highest = self.parts_with(edit.symmetry).levels(self.rows.anchor(handle.place))
         for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
             other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
-            parts = self.bendable_parts(replace(edit, handles=(other,)), other)
+            parts = self.bendable_parts(replace(edit, handles=(other,), poses=()), other)
             if parts and parts[0].slender:
                 return level
         return None
@@ -353,7 +389,8 @@ class HandleWeights:
         weights, columns = self.columns(edit)
         peaks: list[list[float]] = [[] for _ in edit.handles]
         for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
-            peaks[column.handle].append(peak)
+            if _is_split(edit.handles[column.handle]):
+                peaks[column.handle].append(peak)
         return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
 
     # --- bend
