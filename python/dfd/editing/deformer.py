@@ -155,7 +155,7 @@ class Deformer(History):
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
         if rebinds:
-            self._shape(edit.preset)[0].by_features.check_targets(edit)
+            self._shape(edit.preset)[0].check_targets(edit)
         self._record(edit, topic, merge)
 
     @public

@@ -70,13 +70,13 @@ def test_the_depth_of_a_component_is_above_that_of_each_carrier():
 
 
 def test_a_shared_pivot_yields_to_other_handles(animal):
-    sample, fresh = animal
+    _, fresh = animal
     session = fresh()
     session.add(FRONT, translation=(0, -0.2, 0), rotation=(0, 40, 0), counterparts="shared_pivot")
     session.add(BEHIND, translation=(0, 0.1, 0.1))
     told = session.report()
     assert all(each.arrived for each in told.handles)
-    assert [each.counterparts for each in told.handles][0] == 1
+    assert told.handles[0].counterparts == 1
 
 
 def test_a_report_and_an_error_with_key_poses_of_two_handles(animal):

@@ -16,6 +16,7 @@ from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, b
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights, Key
 from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
+from dfd.editing.influence.fixed_points import kept_by_fixed_points
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
 from dfd.editing.influence.plan import Column, Piece, Plan, allocated, same_and_nested, supports
@@ -235,6 +236,14 @@ class HandleWeights:
         level = handle.controls.level if handle.controls.reach == "part" else 0
         return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
 
+    def check_targets(self, edit: Edit) -> None:
+        """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target.
+
+        A handle that moves a part always reaches its target.
+        """
+        if edit.fixed and edit.rules.reach_targets:
+            self.by_features.check_targets(edit, [each for each in edit.handles if not self.key(edit, each).in_part])
+
     def key(self, edit: Edit, handle: Handle) -> Key:
         """Return the key of a handle's column in `by_features`."""
         in_part = handle.controls.reach == "part" and self.held(edit, handle) is not None
@@ -276,15 +285,22 @@ class HandleWeights:
         if weights is not None and edit.rules.equalize and handle.controls.counterparts != "only":
             factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
         on = [moves for _, moves in self.counterparts(edit, handle)]
-        pieces = [
-            _piece(component, weights, factor)
-            for component, factor, moves in zip(held.components, factors, on, strict=True)
-            if moves
-        ]
+        pieces = self._pieces(edit, handle, held, weights, factors)
+        pieces = [piece for piece, moves in zip(pieces, on, strict=True) if moves]
         if split:
             shared = None if _is_split(handle) else self._own(handle)
             return [Column(number, shared or each.component.counterpart, (each,)) for each in pieces]
         return [Column(number, self._own(handle), tuple(pieces))]
+
+    def _pieces(
+        self, edit: Edit, handle: Handle, held: Holding, weights: Float32 | None, factors: Sequence[float]
+    ) -> list[Piece]:
+        """Return the components of a part as pieces, lowered by `weights` (V,), `factors` (C,) and fixed points."""
+        pieces = [_piece(one, weights, factor) for one, factor in zip(held.components, factors, strict=True)]
+        if not edit.fixed or not edit.rules.reach_targets:
+            return pieces
+        kept = kept_by_fixed_points(self.rows, self.mesh.vertices, edit, handle, held)
+        return [piece.scaled(factor) for piece, factor in zip(pieces, kept, strict=True)]
 
     def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
@@ -367,7 +383,7 @@ class HandleWeights:
         for handle, row in zip(edit.handles, found, strict=True):
             weights, held = self.by_features.of(self.key(edit, handle)), self.held(edit, handle)
             if handle.controls.reach == "part" and held is not None:
-                pieces = tuple(_piece(each, weights, 1.0) for each in held.components)
+                pieces = self._pieces(edit, handle, held, weights, [1.0] * len(held.components))
                 columns = [Column(0, each.component.counterpart, (each,)) for each in pieces]
                 alone = Edit(handles=(handle,), default=edit.default)
                 made = self._fresh(columns, [bands_of(column, self.mesh, alone) for column in columns])

@@ -75,6 +75,10 @@ class Holding:
         """Return the area of a component, as a fraction of the area of the surface."""
         return float(self._nodes.area[self._component == number].sum() / self._nodes.area.sum())
 
+    def components_of(self, vertices: Int64) -> Int64:
+        """Return the component that contains each of `vertices` (N,), or −1."""
+        return self._component[self._nodes.of_vertex[vertices]]
+
     def at(self, vertex: int) -> int:
         """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
         inside = int(self._component[self._nodes.of_vertex[vertex]])

@@ -33,6 +33,11 @@ class Piece:
     core: Share  # the weights beyond the inner end of every band
     factor: Float32  # (M,) factor of the weights at `Component.vertices`
 
+    def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Piece:
+        """Return the piece with all weights multiplied by `factor`, a function of vertices (N,)."""
+        inside = Share(self.component.vertices, self.factor)
+        return Piece(self.component, _scaled(self.core, factor), _scaled(inside, factor).values)
+
 
 @dataclass(frozen=True, eq=False)
 class Column:
@@ -52,15 +57,8 @@ class Column:
 
     def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Column:
         """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
-
-        def share(of: Share) -> Share:
-            return Share(of.vertices, of.values * factor(of.vertices).astype(np.float32))
-
-        pieces = tuple(
-            Piece(each.component, share(each.core), share(Share(each.component.vertices, each.factor)).values)
-            for each in self.pieces
-        )
-        return replace(self, pieces=pieces, still=None if self.still is None else share(self.still))
+        pieces = tuple(each.scaled(factor) for each in self.pieces)
+        return replace(self, pieces=pieces, still=None if self.still is None else _scaled(self.still, factor))
 
     @cached_property
     def support(self) -> Int64:
@@ -77,6 +75,10 @@ class Plan:
 
     columns: tuple[Column, ...]
     crowded: tuple[tuple[tuple[int, ...], Int64], ...] = ()  # groups of columns, and vertices (N,) of each group
+
+
+def _scaled(share: Share, factor: Callable[[NDArray[np.integer]], Float64]) -> Share:
+    return Share(share.vertices, share.values * factor(share.vertices).astype(np.float32))
 
 
 def allocated(
@@ -168,9 +170,9 @@ def divided(
 ) -> list[Column]:
     """Return `columns`, scaled so that at each handle the columns of other handles are 0.
 
-    Handles on one component divide it: the weights are inverse to the squared distances. `at_rest` (C, V) are the weights
-    at rest. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested` (C, C)
-    are the results of `same_and_nested`.
+    Handles on one component divide it: the weights are inverse to the squared distances. `at_rest` (C, V) are the
+    weights at rest. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested`
+    (C, C) are the results of `same_and_nested`.
     """
     own, at = np.array(list(vertex_of)), np.array(list(vertex_of.values()))
     places = points[at]
