@@ -162,6 +162,8 @@ class Deformer(History):
     def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
         """Add a handle at a place of the shape, and return the handle's id.
 
+        Without a motion, the handle takes over the motion that its component has, so that nothing moves.
+
         Parameters
         ----------
         at
@@ -322,6 +324,8 @@ class Deformer(History):
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Keep a point or a region in place, together with all surface that looks like it (Eq. 6).
+
+        Of the part of a handle, it keeps whole counterparts, or divides the handle's own component.
 
         `at` is as in `add`. `strength`, in [0, 1], multiplies the weights that the fixed point subtracts from the
         weights of handles. In Eq. 6, the strength is 1.
