@@ -5,7 +5,7 @@ Distances never cross a gap, such as a gap between lips, teeth or fingers. Nothi
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -54,6 +54,20 @@ class Component:
     drawing: tuple[Contact, ...] = ()  # contacts at which the touched surface follows
     drawn: Float32 | None = None  # (D,) distances from these contacts; the last D of `vertices` lie on touched surface
     drawn_reach: float = 0.0  # largest distance of the outer end of the band on touched surface
+
+    def limited(self, vertex: int) -> "Component | None":
+        """Return the component with bands that end before a vertex; None if the vertex lies outside or in no band."""
+        if self.core.at(vertex) == 1:
+            return self
+        own = self.vertices[: len(self.vertices) - (0 if self.drawn is None else len(self.drawn))]
+        number = int(np.searchsorted(own, vertex))
+        if number >= len(own) or own[number] != vertex or self.share[number] < 1:
+            return None
+        depth = float(self.depth[number])
+        apart = np.inf if self.apart is None else float(self.apart[number])
+        if depth < min(self.inward, LEAST_DEPTH * self.radius) or not apart > 0:
+            return None
+        return replace(self, inward=min(self.inward, depth), free=min(self.free, apart))
 
 
 @dataclass(frozen=True, eq=False)

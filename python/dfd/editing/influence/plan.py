@@ -104,7 +104,8 @@ def allocated(
     handle_of = [columns[i].handle for i in kept]
     nested &= np.not_equal.outer(handle_of, handle_of)
     own = {handle_of.index(handle): vertex_of[handle] for handle in dict.fromkeys(handle_of)}
-    divided_columns = divided([columns[i] for i in kept], at_rest[kept], points, own, same, nested)
+    joined = sharing([columns[i] for i in kept], own, same)
+    divided_columns = divided(joined, at_rest[kept], points, own, same, nested)
     order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
     depth = depths(nested, held[[among.index(i) for i in kept]] @ sizes)
     result = list(columns)
@@ -163,6 +164,34 @@ def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
     for i in np.flatnonzero(~first):
         kept[i] = not (same[i] & kept & (handles != handles[i])).any()
     return np.flatnonzero(kept).tolist()
+
+
+def sharing(columns: Sequence[Column], vertex_of: dict[int, int], same: Bool) -> list[Column]:
+    """Return `columns`, in which handles on one component use the same bands, so that their weights have the sum 1.
+
+    The component is that of the first of these handles, with bands that end before each handle. `vertex_of` and `same`
+    are as in `divided`. A handle outside the first handle's component, or with weights by features, keeps its own.
+    """
+    result = list(columns)
+    for first in vertex_of:
+        others = [j for j in vertex_of if j > first and same[first, j]]
+        if not others or not _is_plain(result[first]):
+            continue
+        component = result[first].pieces[0].component
+        sharers = [first]
+        for j in others:
+            limited = component.limited(vertex_of[j])
+            if _is_plain(result[j]) and limited is not None:
+                component, sharers = limited, [*sharers, j]
+        for j in sharers:
+            piece = Piece(component, component.core, component.share)
+            result[j] = replace(result[j], pieces=(piece,))
+    return result
+
+
+def _is_plain(column: Column) -> bool:
+    """Return whether a column moves one component, with weights that only the component determines."""
+    return len(column.pieces) == 1 and column.pieces[0].factor is column.pieces[0].component.share
 
 
 def divided(
