@@ -17,7 +17,7 @@ from dfd.editing.influence.mirror_images import Component, component_of, mirror_
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
-from dfd.posing.transforms import Transform, vector
+from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
 # If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
@@ -57,11 +57,11 @@ class Counterpart:
         if axes is None and len(set(motion.scale)) > 1:
             axes = np.eye(3)
         turned = np.linalg.det(self.frame) * self.frame  # rotation vectors are pseudovectors
-        return Transform(
+        return Transform().changed(
             translation=self.frame @ motion.translation,
             rotation=turned @ motion.rotation,
             scale=motion.scale,
-            pivot=vector("pivot", self.position + self.frame @ pivot),
+            pivot=self.position + self.frame @ pivot,
             axes=None if axes is None else axes @ self.frame.T,
         )
 

@@ -239,10 +239,16 @@ class HandleWeights:
     def check_targets(self, edit: Edit) -> None:
         """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target.
 
-        A handle that moves a part always reaches its target.
+        A handle that moves a part always reaches its target, unless a fixed region contains it.
         """
         if edit.fixed and edit.rules.reach_targets:
-            self.by_features.check_targets(edit, [each for each in edit.handles if not self.key(edit, each).in_part])
+            held = [
+                handle
+                for handle in edit.handles
+                if any(self.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
+                or not self.key(edit, handle).in_part
+            ]
+            self.by_features.check_targets(edit, held)
 
     def key(self, edit: Edit, handle: Handle) -> Key:
         """Return the key of a handle's column in `by_features`."""
