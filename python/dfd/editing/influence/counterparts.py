@@ -52,6 +52,8 @@ class Counterpart:
 
     def motion(self, motion: Transform, position: Sequence[float]) -> Transform:
         """Return the motion of this counterpart, without bend and twist, for that of a handle at `position` (3,)."""
+        if not motion.turns:
+            return Transform().changed(translation=self.frame @ motion.translation)
         pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
         axes = None if motion.axes is None else np.asarray(motion.axes)
         if axes is None and len(set(motion.scale)) > 1:
