@@ -24,7 +24,7 @@ def blend_of(mesh: Mesh, edit: Edit, weights: Float32, columns: Sequence[Column]
     }
     if blends_nested(edit, columns):
         nested = [number for number, column in enumerate(columns) if column.carriers]
-        for number in sorted(nested, key=lambda each: len(columns[each].carriers)):
+        for number in sorted(nested, key=lambda each: columns[each].depth):
             at = columns[number].counterpart.vertex
             found["transforms"][number, :, 3] += _missing(rest[at], weights[at], number, found)
     return found

@@ -109,6 +109,14 @@ class Controls(Brief):
         tuple[Place, ...],
         About("Place on a counterpart that does not follow.", metavar="PLACE", repeated=True, affects="pose"),
     ] = ()
+    detach: Annotated[
+        bool,
+        About(
+            'Whether the part that the reach "part" moves comes loose from pieces of the mesh that it touches, and '
+            "leaves behind small pieces that touch only the part.",
+            affects="pose",
+        ),
+    ] = False
     mask: Annotated[
         Annotated[Region, Tagged("kind")] | None,
         About(

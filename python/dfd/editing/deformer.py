@@ -156,12 +156,14 @@ class Deformer(History):
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
         if rebinds:
-            self._shape(edit.preset)[0].by_features.check_targets(edit)
+            self._shape(edit.preset)[0].check_targets(edit)
         self._record(edit, topic, merge)
 
     @public
     def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
         """Add a handle at a place of the shape, and return the handle's id.
+
+        Without a motion, the handle takes over the motion that its component has, so that nothing moves.
 
         Parameters
         ----------
@@ -209,6 +211,8 @@ class Deformer(History):
         mask_feather
             The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
             With `mask="part"`, the mask is the part at the handle.
+        detach
+            Whether the part comes loose from pieces of the mesh that it touches. By default, it stays attached.
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
@@ -325,6 +329,8 @@ class Deformer(History):
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
         """Keep a point or a region in place, together with all surface that looks like it (Eq. 6).
+
+        Of the part of a handle, it keeps whole counterparts, or divides the handle's own component.
 
         `at` is as in `add`. `strength`, in [0, 1], multiplies the weights that the fixed point subtracts from the
         weights of handles. In Eq. 6, the strength is 1.

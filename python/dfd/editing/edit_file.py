@@ -32,6 +32,7 @@
           "follow": "all",
           "counterparts": "shared_pivot",
           "excluded_counterparts": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
+          "detach": false,
           "mask": null,
           "mask_feather": 0.0
         }

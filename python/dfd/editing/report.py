@@ -17,6 +17,9 @@ from dfd.posing.transforms import Vector, vector
 # A handle counts as arrived if its distance from its target is at most this.
 VISIBLE = 1e-3
 LEAST_STRETCH = 1.05  # smaller stretches of edges are not mentioned
+# A gap between two pieces counts if the motion widens it by more than this fraction of the bounding-box diagonal. It is
+# above the distance between samples of the surface, by which gaps are measured (`dfd.geometry.gaps`).
+LEAST_GAP = 0.01
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class Report:
     handles: tuple[HandleReport, ...]  # result of each handle
     warning: str | None  # the reason why nothing moved, or None if a vertex moved
     advice: str | None = None  # a sentence about handles whose scale flattens or mirrors; None if no scale does
+    gap: float = 0.0  # largest gap that opened between two pieces of the mesh that touch at rest, mesh units
+    loose: int = 0  # number of pairs of such pieces between which a visible gap opened
 
     def __repr__(self) -> str:
         """Return the class name with the sentence of `__str__`."""
@@ -94,6 +99,9 @@ class Report:
             told.append(f"all {len(self.handles)} handles arrived")
         else:
             told += map(str, self.handles)
+        if self.loose:
+            pairs = "a pair of touching pieces" if self.loose == 1 else f"{self.loose} pairs of touching pieces"
+            told.append(f"{pairs} came apart by up to {self.gap:.3g}")
         if self.advice is not None:
             told.append(self.advice)
         return "; ".join(told)
@@ -138,8 +146,16 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
             )
         )
     stretch = largest_stretch(mesh.vertices, posed, mesh.faces)
+    gaps = weights.gaps.opened(posed) if moved else np.zeros(0)
     return Report(
-        moved, float(distances.max()), stretch, tuple(handles), None if moved else _warning(edit), _advice(edit)
+        moved,
+        float(distances.max()),
+        stretch,
+        tuple(handles),
+        None if moved else _warning(edit),
+        _advice(edit),
+        float(gaps.max(initial=0.0)),
+        int((gaps > LEAST_GAP * mesh.diagonal).sum()),
     )
 
 

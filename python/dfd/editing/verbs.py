@@ -22,14 +22,20 @@ from dfd.segmentation.follow import Follow
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
-    """Return `edit` with one more handle, whose id is `handle`."""
+    """Return `edit` with one more handle, whose id is `handle`.
+
+    Without a given motion, the handle takes over the motion of the component on which it lies. So nothing moves.
+    """
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at, given.get("level") or 0)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
     others: Any = {control: value for control, value in given.items() if control not in parts}
     transform = _transform(Transform(), weights, place, parts)
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
-    added = replace(edit, handles=(*edit.handles, Handle(handle, place, transform, controls, name)))
+    new = Handle(handle, place, transform, controls, name)
+    if all(value is None for value in parts.values()):
+        new = replace(new, transform=weights.taken_over(edit, new))
+    added = replace(edit, handles=(*edit.handles, new))
     return _on_part(added, weights, handle, parts, Transform())
 
 

@@ -10,7 +10,7 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.text import UniqueNames
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.fill import Band, bands_of
+from dfd.editing.influence.fill import Band, bands_of, widest
 from dfd.editing.influence.plan import Column
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
@@ -121,7 +121,7 @@ def _widest(edits: Sequence[Edit], session: Deformer) -> list[tuple[Band, ...]]:
     """Return the blend bands (C,) of the columns of the first of `edits`, each as wide as the widest in all `edits`."""
     columns = session.bound.plan(edits[0]).columns
     needed = zip(*([bands_of(column, session.mesh, edit) for column in columns] for edit in edits), strict=True)
-    return [tuple(Band(*map(max, zip(*piece, strict=True))) for piece in zip(*each, strict=True)) for each in needed]
+    return [tuple(widest(piece) for piece in zip(*each, strict=True)) for each in needed]
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:

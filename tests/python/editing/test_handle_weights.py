@@ -56,7 +56,7 @@ def test_columns_of_weights_equal_the_results_of_bind(paper, geodesics_of, featu
 
 def test_a_drag_recomputes_only_the_moving_handle_and_equals_a_pose(fresh, folds):
     for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
-        deformer = fresh()
+        deformer = fresh("paper")
         handles = [deformer.add(vertex, translation=(0, 0.01 * vertex, 0), **ONE_PIVOT) for vertex in (5, 6, 7, 8, 9)]
         deformer.set_symmetry(symmetry)
         deformer.set_default(rotation=default)
@@ -77,7 +77,8 @@ def test_a_drag_recomputes_only_the_moving_handle_and_equals_a_pose(fresh, folds
         np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
 
 
-def test_every_other_change_ends_a_drag(deformer, fresh, folds):
+def test_every_other_change_ends_a_drag(paper, fresh, folds):
+    deformer = paper
     handles = [deformer.add(vertex, **ONE_PIVOT) for vertex in (5, 6, 7, 8, 9)]
     deformer.add(900, translation=(0.1, 0, 0), **ONE_PIVOT)
     changes = (

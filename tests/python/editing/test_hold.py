@@ -104,9 +104,9 @@ def test_the_band_of_a_motion(room, pull, wanted):
     border = 0.2 * np.stack([np.cos(np.arange(8)), 0 * np.arange(8), np.sin(np.arange(8))], axis=1)
     limb = Component(None, border, np.array([0.0, 1, 0]), 0.3, 0.3, 1.0, room, None, None, None, None)
     affine = np.column_stack([np.eye(3), pull])
-    assert band_of(limb, affine, np.eye(3, 4), 9.0) == pytest.approx(wanted)
+    assert band_of(limb, affine, np.eye(3, 4), 9.0)[:2] == pytest.approx(wanted)
     # Only the motion relative to the surroundings counts.
-    assert band_of(limb, affine, affine, 9.0) == pytest.approx((0.03, 0.03))
+    assert band_of(limb, affine, affine, 9.0)[:2] == pytest.approx((0.03, 0.03))
     # At rest, a band of a small shape is narrower.
     outward = wanted[0] if wanted[0] > 0.03 else 0.0075
     assert band_of(limb, affine, np.eye(3, 4), 1.2)[0] == pytest.approx(outward)
@@ -258,7 +258,7 @@ def test_bands_do_not_depend_on_the_unit():
         limb = Component(None, unit * border, np.array([0.0, 1, 0]), *sizes, 1.0, None, None, None, None)
         affine = np.column_stack([np.eye(3), (0.4 * unit, 0, 0)])
         found = band_of(limb, affine, np.eye(3, 4), 9.0 * unit)
-        assert np.divide(found, unit) == pytest.approx((0.3, 0.9))
+        assert np.divide(found[:2], unit) == pytest.approx((0.3, 0.9))
 
 
 def test_two_places_at_nearly_one_position_are_smoothed():

@@ -15,7 +15,9 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.geometry.coarse import Nodes, Share, nodes_of
+from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
 # If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
@@ -31,7 +33,8 @@ class Counterpart:
     """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
 
     vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
-    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`
+    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`, or on
+    # a round component, the place that lies to its center as the handle lies to that of its own component
     position: tuple[float, float, float]
     frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
     # image: (3, 4) isometry that maps the component at the handle onto this component; None if there is none
@@ -46,6 +49,23 @@ class Counterpart:
         linear = self.frame @ affine[:, :3] @ self.frame.T
         moved = affine[:, :3] @ there + affine[:, 3] - there  # displacement of the handle
         return np.column_stack([linear, here + self.frame @ moved - linear @ here])
+
+    def motion(self, motion: Transform, position: Sequence[float]) -> Transform:
+        """Return the motion of this counterpart, without bend and twist, for that of a handle at `position` (3,)."""
+        if not motion.turns:
+            return Transform().changed(translation=self.frame @ motion.translation)
+        pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
+        axes = None if motion.axes is None else np.asarray(motion.axes)
+        if axes is None and len(set(motion.scale)) > 1:
+            axes = np.eye(3)
+        turned = np.linalg.det(self.frame) * self.frame  # rotation vectors are pseudovectors
+        return Transform().changed(
+            translation=self.frame @ motion.translation,
+            rotation=turned @ motion.rotation,
+            scale=motion.scale,
+            pivot=self.position + self.frame @ pivot,
+            axes=None if axes is None else axes @ self.frame.T,
+        )
 
 
 def find_counterparts(
@@ -83,6 +103,11 @@ def find_counterparts(
             peak = int(members[weights[members].argmax()])
             peak, frame = _corresponding(mesh, component == number, weights, peak, found, known_planes)
             x, y, z = mesh.vertices[peak].tolist()
+            one, other = surfaces[0], surfaces[index]
+            if one is not None and other is not None and _is_round(one) and _is_round(other):
+                # The centers correspond. So a round component, such as a wheel, turns about its own center.
+                offset = np.asarray(position, np.float64) - one.points.mean(axis=0)
+                x, y, z = (other.points.mean(axis=0) + frame @ offset).tolist()
         found.append(Counterpart(peak, (x, y, z), frame, image))
     return list(zip([0, *others], found, strict=True))
 
@@ -116,6 +141,12 @@ def _image(
             if step is not None:
                 return np.column_stack([step[:, :3] @ to_earlier[:, :3], step[:, :3] @ to_earlier[:, 3] + step[:, 3]])
     return None
+
+
+def _is_round(surface: Component) -> bool:
+    """Return whether a component is a disk or a ball: its two largest principal variances are about equal."""
+    values = np.linalg.eigvalsh(np.cov(surface.points.T))
+    return bool(values[1] > ROUND * values[2])
 
 
 def _corresponding(

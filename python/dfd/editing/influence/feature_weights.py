@@ -80,17 +80,18 @@ class FeatureWeights:
         return self._subtracted.get(fixed, find)
 
     def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return the factors (1 − G)^λ of Eq. 7, (N,), which lower the weights of a handle at `vertices` (N,)."""
+        """Return the factors (N,) by which distances (Eq. 7) and a mask lower weights at `vertices` (N,)."""
         distances, power = self._falloff(self.key(handle, edit, in_part=False))
-        if distances is None:
-            return np.ones(len(vertices))
-        return (1.0 - distances[0, vertices].astype(np.float64)) ** power
+        factors = np.ones(len(vertices))
+        if distances is not None:
+            factors *= (1.0 - distances[0, vertices].astype(np.float64)) ** power
+        if handle.controls.mask is not None:
+            factors *= self._rows.inside(handle.controls.mask, handle.controls.mask_feather)[vertices]
+        return factors
 
-    def check_targets(self, edit: Edit) -> None:
-        """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target."""
-        if not edit.rules.reach_targets or not edit.fixed:
-            return
-        for handle in edit.handles:
+    def check_targets(self, edit: Edit, handles: Sequence[Handle]) -> None:
+        """Raise ValueError if fixed points of `edit` leave one of `handles` too little weight to reach its target."""
+        for handle in handles:
             left = self._left(edit.fixed, handle.place)
             if left < LEAST_LEFT:
                 raise ArgumentError(
@@ -121,7 +122,8 @@ class FeatureWeights:
                 points = [place.position] if place.region is None else self._mesh.vertices[own]
                 sources += [self._rows.nearest((x, y, z)) for x, y, z in edit.symmetry.reflect(points).tolist()]
         starts = tuple(dict.fromkeys(sources))
-        return Key(place, controls, in_part, starts, exact and bool(starts), edit.fixed, edit.rules.reach_targets)
+        fixed = () if in_part and edit.rules.reach_targets else edit.fixed  # see `kept_by_fixed_points`
+        return Key(place, controls, in_part, starts, exact and bool(starts), fixed, edit.rules.reach_targets)
 
     def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
         """Return distances G (1, V), in [0, 1], and the exponent λ of Eq. 7, or (None, 0) if weights ignore distances.

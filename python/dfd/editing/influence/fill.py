@@ -24,17 +24,31 @@ STEEPEST = 1.5  # largest slope of `weights_at` for a band of width 1
 REST, REST_OF_RADIUS = 0.0125, 0.2
 
 
+# A contact stays closed if a motion would open it by more than VISIBLE diagonals of the bounding box, and by more than
+# SLIDING times the displacement of its points. So a wheel turns, although its axle is not quite at its center.
+VISIBLE, SLIDING = 1e-3, 0.25
+
+
 class Band(NamedTuple):
-    """The distances from the border to both ends of a blend band, in mesh units."""
+    """The distances from the border to both ends of a blend band, in mesh units, and the same for contacts.
+
+    At kept contacts, the weight is 1 if `kept` is 0, and 0 if `loose` is 0. On touched surface, the weight falls from
+    `drawn` at the contacts to 0 at the distance `drawn_outward`.
+    """
 
     outward: float
     inward: float
+    loose: float = 0.0
+    kept: float = 0.0
+    drawn: float = 0.0
+    drawn_outward: float = 0.0
 
 
 def band_at_rest(component: Component, diagonal: float) -> Band:
     """Return the band of a component that does not move. `diagonal` is that of the bounding box of the mesh."""
     half = min(REST * diagonal, REST_OF_RADIUS * component.radius) / 2
-    return Band(min(half, component.outward), min(half, component.inward))
+    loose = VISIBLE * diagonal if component.kept else 0.0
+    return Band(min(half, component.outward), min(half, component.inward), loose)
 
 
 def band_of(component: Component, affine: Float64, default: Float64, diagonal: float) -> Band:
@@ -44,6 +58,8 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     far as the handle, which has weight 1, leaves no room inside.
     """
     rest = band_at_rest(component, diagonal)
+    if component.kept or component.drawing:
+        rest = _at_contacts(component, affine, default, VISIBLE * diagonal, rest)
     if not len(component.border):
         return rest
     with np.errstate(over="ignore", invalid="ignore"):
@@ -56,7 +72,32 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     wide, long = np.fmin(wide, largest), np.fmin(long, largest)
     outward = min(max(rest.outward, wide / 2, (1 - component.room) * long), component.outward)
     inward = min(max(rest.inward, wide - outward, long), component.inward)
-    return Band(float(outward), float(inward))
+    return rest._replace(outward=float(outward), inward=float(inward))
+
+
+def _at_contacts(component: Component, affine: Float64, default: Float64, visible: float, rest: Band) -> Band:
+    """Return the band `rest` with the widths at the contacts of a component that `affine` (3, 4) moves.
+
+    `default` (3, 4) moves its surroundings. Openings below `visible` mesh units are not closed.
+    """
+    loose, kept, drawn, outward = rest.loose, 0.0, 0.0, 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        for contact in (*component.kept, *component.drawing):
+            opened, moved = contact.motion(affine, default)
+            least = max(visible, SLIDING * moved)
+            width = STEEPEST / STRAIN * max(opened - least / 2, 0.0)
+            if contact in component.kept:
+                loose, kept = min(loose, max(least - opened, 0.0)), max(kept, width)
+            else:
+                drawn = max(drawn, min(max(2 * opened / least - 1, 0.0), 1.0))
+                outward = max(outward, width)
+    kept, outward = np.fmin(kept, component.free), np.fmin(outward, component.drawn_reach)
+    return rest._replace(loose=float(loose), kept=float(kept), drawn=float(drawn), drawn_outward=float(outward))
+
+
+def widest(bands: Sequence[Band]) -> Band:
+    """Return the band that is as wide as the widest of `bands`, and keeps each contact that one of them keeps."""
+    return Band(*map(max, zip(*bands, strict=True)))._replace(loose=min(band.loose for band in bands))
 
 
 def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
@@ -64,6 +105,17 @@ def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
     matrix = column.matrix(edit)
     return tuple(band_of(piece.component, matrix, default, mesh.diagonal) for piece in column.pieces)
+
+
+def weights_in(component: Component, band: Band) -> Float32:
+    """Return the weights (M,) at `Component.vertices`, without shares."""
+    weights = weights_at(component.depth, band)
+    if component.apart is not None:
+        weights *= weights_at(component.apart, Band(band.loose, band.kept))
+    if component.drawn is not None and len(component.drawn):
+        outward = Band(band.drawn_outward, 0.0)
+        weights[-len(component.drawn) :] = np.float32(band.drawn) * weights_at(-component.drawn, outward)
+    return weights
 
 
 def weights_at(depth: Float32, band: Band) -> Float32:
@@ -94,6 +146,6 @@ def fill(column: Column, bands: Sequence[Band], weights: Float32, *, bands_only:
 
 
 def _write(piece: Piece, band: Band, weights: Float32, bands_only: bool) -> None:
-    weights[piece.component.vertices] = piece.factor * weights_at(piece.component.depth, band)
+    weights[piece.component.vertices] = piece.factor * weights_in(piece.component, band)
     if not bands_only:
         weights[piece.core.vertices] = piece.core.values

@@ -15,17 +15,20 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
 from dfd.editing.influence.counterparts import Counterpart
 from dfd.editing.influence.feature_weights import FeatureWeights, Key
-from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_at
+from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
+from dfd.editing.influence.fixed_points import kept_by_fixed_points
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
-from dfd.editing.influence.plan import Column, Piece, Plan, allocated
+from dfd.editing.influence.plan import Column, Piece, Plan, allocated, same_and_nested, supports
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
 from dfd.geometry.coarse import Share, nodes_of
+from dfd.geometry.gaps import Gaps
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
+from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
@@ -77,6 +80,11 @@ class HandleWeights:
         return parts
 
     @cached_property
+    def gaps(self) -> Gaps:
+        """Return the places where pieces of the mesh touch each other."""
+        return Gaps(self.mesh)
+
+    @cached_property
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
         return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
@@ -96,19 +104,22 @@ class HandleWeights:
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self.field, self.mesh)
 
-    def hold(self, place: Place, level: int = 0, plane: SymmetryPlane | None = None) -> Holding | None:
+    def hold(
+        self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False
+    ) -> Holding | None:
         """Return the part at a place, at rest; None if there is no part, such as on a ball.
 
-        `level` is as in `Parts.part`. If given, `plane` replaces the shape's planes of symmetry.
+        `level` is as in `Parts.part`, and `detach` as in the function `hold`. If given, `plane` replaces the shape's
+        planes of symmetry.
         """
-        key = (place, level, plane)
+        key = (place, level, plane, detach)
         if key in self._holdings:
             self._holdings[key] = self._holdings.pop(key)
         else:
-            self._holdings[key] = self._held(place, level, plane)
+            self._holdings[key] = self._held(place, level, plane, detach)
         return self._holdings[key]
 
-    def _held(self, place: Place, level: int, plane: SymmetryPlane | None) -> Holding | None:
+    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> Holding | None:
         vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
@@ -133,7 +144,7 @@ class HandleWeights:
         def planes() -> Sequence[SymmetryPlane]:
             return self._planes if plane is None else [plane]
 
-        return hold(self.mesh, component, vertex, place.position, level, alike, planes, region)
+        return hold(self.mesh, component, vertex, place.position, level, alike, planes, region, detach=detach)
 
     def probed(self, vertex: int, level: int, affine: Float64) -> Float32 | None:
         """Return the weights (V,) of the part at a vertex that `affine` (3, 4) moves; None if there is no part.
@@ -171,7 +182,11 @@ class HandleWeights:
         return self._plan[1]
 
     def _planned(self, edit: Edit, moving: tuple[int, ...]) -> Plan:
-        columns = [column for i, handle in enumerate(edit.handles) for column in self._columns(edit, i, handle)]
+        columns = [
+            column
+            for i, handle in enumerate(edit.handles)
+            for column in self._columns(edit, i, handle, split=i in moving or _is_split(handle))
+        ]
         self.by_features.keep([self.key(edit, handle) for handle in edit.handles])
         for known in (self._holdings, self._bendable):
             while len(known) > max(SPARE, 2 * len(edit.handles)):
@@ -184,27 +199,68 @@ class HandleWeights:
         at_rest = self._fresh(columns, [self._resting(column) for column in columns]).T
         return allocated(columns, moving, at_rest, self.mesh.vertices, samples, sizes, vertex_of)
 
+    def taken_over(self, edit: Edit, handle: Handle) -> Transform:
+        """Return the motion that the handles of `edit` give to the component at a new handle.
+
+        It is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
+        """
+        moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+        if not moving or edit.rules.overlap != "add":
+            return handle.transform
+        if len(moving) > 1:
+            before = [column for column in self.plan(edit).columns if column.handle in moving]
+        else:
+            before = self._columns(edit, moving[0], edit.handles[moving[0]], split=True)
+        with_new = replace(edit, handles=(*edit.handles, handle))
+        columns = [self._columns(with_new, len(edit.handles), handle, split=True)[0], *before]
+        nodes = nodes_of(self.mesh)
+        weights = self._fresh(columns, [self._resting(column) for column in columns]).T
+        held = supports(weights[:, nodes.members[nodes.starts]])
+        same = same_and_nested(held, (nodes.ends - nodes.starts).astype(np.float64))[0][0, 1:]
+        if not same.any():
+            return handle.transform
+        found = before[int(np.where(same, weights[1:, self.rows.anchor(handle.place)], -1.0).argmax())]
+        source = edit.handles[found.handle]
+        if source.transform.bends:
+            return handle.transform
+        return found.counterpart.motion(source.transform, source.place.position)
+
     @staticmethod
     def allocating(edit: Edit) -> tuple[int, ...]:
         """Return the indices of the moving handles, which divide components; () for fewer than two, or with "paper"."""
-        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests and _is_split(handle)]
+        moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
     def held(self, edit: Edit, handle: Handle) -> Holding | None:
         """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
         level = handle.controls.level if handle.controls.reach == "part" else 0
-        return self.hold(handle.place, level, edit.symmetry)
+        return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
+
+    def check_targets(self, edit: Edit) -> None:
+        """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target.
+
+        A handle that moves a part always reaches its target, unless a fixed region contains it.
+        """
+        if edit.fixed and edit.rules.reach_targets:
+            held = [
+                handle
+                for handle in edit.handles
+                if any(self.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
+                or not self.key(edit, handle).in_part
+            ]
+            self.by_features.check_targets(edit, held)
 
     def key(self, edit: Edit, handle: Handle) -> Key:
         """Return the key of a handle's column in `by_features`."""
         in_part = handle.controls.reach == "part" and self.held(edit, handle) is not None
         return self.by_features.key(handle, edit, in_part=in_part)
 
-    def _columns(self, edit: Edit, number: int, handle: Handle) -> list[Column]:
+    def _columns(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
+        """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
         key = self.key(edit, handle)
         weights = self.by_features.of(key)
         if key.in_part:
-            return self._of_part(edit, number, handle, weights)
+            return self._of_part(edit, number, handle, weights, split=split)
         assert weights is not None
         if not _needs_counterparts(handle, edit):
             return [Column(number, self._own(handle), still=_sparse(weights))]
@@ -217,14 +273,17 @@ class HandleWeights:
             factors = self._equalizing(edit, handle, weights, [one for one, _ in on])
             portions = _equalized(weights, portions, factors)
         found = [(one, portion) for (one, moves), portion in zip(on, portions, strict=True) if moves]
-        if _is_split(handle):
-            return [Column(number, one, still=portion) for one, portion in found]
+        if split:
+            shared = None if _is_split(handle) else self._own(handle)
+            return [Column(number, shared or one, still=portion) for one, portion in found]
         total = np.zeros(len(weights), np.float32)
         for _, portion in found:
             total[portion.vertices] += portion.values
         return [Column(number, self._own(handle), still=_sparse(np.minimum(total, np.float32(1.0))))]
 
-    def _of_part(self, edit: Edit, number: int, handle: Handle, weights: Float32 | None) -> list[Column]:
+    def _of_part(
+        self, edit: Edit, number: int, handle: Handle, weights: Float32 | None, *, split: bool
+    ) -> list[Column]:
         """Return the columns of a handle that moves a part. `weights` (V,) are factors of the weights; None means 1."""
         held = self.held(edit, handle)
         assert held is not None
@@ -232,14 +291,22 @@ class HandleWeights:
         if weights is not None and edit.rules.equalize and handle.controls.follow != "none":
             factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
         on = [moves for _, moves in self.counterparts(edit, handle)]
-        pieces = [
-            _piece(component, weights, factor)
-            for component, factor, moves in zip(held.components, factors, on, strict=True)
-            if moves
-        ]
-        if _is_split(handle):
-            return [Column(number, each.component.counterpart, (each,)) for each in pieces]
+        pieces = self._pieces(edit, handle, held, weights, factors)
+        pieces = [piece for piece, moves in zip(pieces, on, strict=True) if moves]
+        if split:
+            shared = None if _is_split(handle) else self._own(handle)
+            return [Column(number, shared or each.component.counterpart, (each,)) for each in pieces]
         return [Column(number, self._own(handle), tuple(pieces))]
+
+    def _pieces(
+        self, edit: Edit, handle: Handle, held: Holding, weights: Float32 | None, factors: Sequence[float]
+    ) -> list[Piece]:
+        """Return the components of a part as pieces, lowered by `weights` (V,), `factors` (C,) and fixed points."""
+        pieces = [_piece(one, weights, factor) for one, factor in zip(held.components, factors, strict=True)]
+        if not edit.fixed or not edit.rules.reach_targets:
+            return pieces
+        kept = kept_by_fixed_points(self.rows, self.mesh.vertices, edit, handle, held)
+        return [piece.scaled(factor) for piece, factor in zip(pieces, kept, strict=True)]
 
     def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
@@ -266,9 +333,9 @@ class HandleWeights:
     def _equalizing(
         self, edit: Edit, handle: Handle, weights: Float32, counterparts: Sequence[Counterpart]
     ) -> list[float]:
-        """Return factors with which similar counterparts move as much as the handle, except for locality.
+        """Return factors with which similar counterparts move as much as the handle, except for locality and the mask.
 
-        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) still lower the results.
+        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) and of the mask still lower the results.
         """
         near = self.by_features.near(edit, handle, np.array([one.vertex for one in counterparts]))
         tops = [
@@ -282,7 +349,7 @@ class HandleWeights:
         lowest, highest = self.parts_with(edit.symmetry).levels(self.rows.anchor(handle.place))
         for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
             other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
-            parts = self.bendable_parts(replace(edit, handles=(other,)), other)
+            parts = self.bendable_parts(replace(edit, handles=(other,), poses=()), other)
             if parts and parts[0].slender:
                 return level
         return None
@@ -324,7 +391,7 @@ class HandleWeights:
         for handle, row in zip(edit.handles, found, strict=True):
             weights, held = self.by_features.of(self.key(edit, handle)), self.held(edit, handle)
             if handle.controls.reach == "part" and held is not None:
-                pieces = tuple(_piece(each, weights, 1.0) for each in held.components)
+                pieces = self._pieces(edit, handle, held, weights, [1.0] * len(held.components))
                 columns = [Column(0, each.component.counterpart, (each,)) for each in pieces]
                 alone = Edit(handles=(handle,), default=edit.default)
                 made = self._fresh(columns, [bands_of(column, self.mesh, alone) for column in columns])
@@ -346,7 +413,8 @@ class HandleWeights:
         weights, columns = self.columns(edit)
         peaks: list[list[float]] = [[] for _ in edit.handles]
         for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
-            peaks[column.handle].append(peak)
+            if _is_split(edit.handles[column.handle]):
+                peaks[column.handle].append(peak)
         return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
 
     # --- bend
@@ -388,7 +456,7 @@ def _dense(components: Sequence[Component], mesh: Mesh, affine: Float64 = IDENTI
     total = np.zeros(len(mesh.vertices), np.float32)
     for each in components:
         total[each.core.vertices] += each.core.values
-        total[each.vertices] += each.share * weights_at(each.depth, band_of(each, affine, IDENTITY, mesh.diagonal))
+        total[each.vertices] += each.share * weights_in(each, band_of(each, affine, IDENTITY, mesh.diagonal))
     return total
 
 

@@ -5,8 +5,9 @@ Distances never cross a gap, such as a gap between lips, teeth or fingers. Nothi
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -15,6 +16,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
+from dfd.editing.influence.contacts import Attachment, Contact, attachments, with_hanging
 from dfd.editing.influence.counterparts import Counterpart, find_counterparts, shares_everywhere
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
@@ -46,6 +48,26 @@ class Component:
     vertices: Int32  # (M,) vertices that a band can contain
     depth: Float32  # (M,) their depths
     share: Float32  # (M,) their share of the motion: below 1 near another component that touches this one
+    kept: tuple[Contact, ...] = ()  # contacts with surface outside the part that stay in place; see `Attachment`
+    apart: Float32 | None = None  # (M,) distances of `vertices` from the kept contacts
+    free: float = 0.0  # largest distance of the inner end of the band at the kept contacts from them
+    drawing: tuple[Contact, ...] = ()  # contacts at which the touched surface follows
+    drawn: Float32 | None = None  # (D,) distances from these contacts; the last D of `vertices` lie on touched surface
+    drawn_reach: float = 0.0  # largest distance of the outer end of the band on touched surface
+
+    def limited(self, vertex: int) -> "Component | None":
+        """Return the component with bands that end before a vertex; None if the vertex lies outside or in no band."""
+        if self.core.at(vertex) == 1:
+            return self
+        own = self.vertices[: len(self.vertices) - (0 if self.drawn is None else len(self.drawn))]
+        number = int(np.searchsorted(own, vertex))
+        if number >= len(own) or own[number] != vertex or self.share[number] < 1:
+            return None
+        depth = float(self.depth[number])
+        apart = np.inf if self.apart is None else float(self.apart[number])
+        if depth < min(self.inward, LEAST_DEPTH * self.radius) or not apart > 0:
+            return None
+        return replace(self, inward=min(self.inward, depth), free=min(self.free, apart))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +89,10 @@ class Holding:
         """Return the area of a component, as a fraction of the area of the surface."""
         return float(self._nodes.area[self._component == number].sum() / self._nodes.area.sum())
 
+    def components_of(self, vertices: Int64) -> Int64:
+        """Return the component that contains each of `vertices` (N,), or −1."""
+        return self._component[self._nodes.of_vertex[vertices]]
+
     def at(self, vertex: int) -> int:
         """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
         inside = int(self._component[self._nodes.of_vertex[vertex]])
@@ -85,21 +111,29 @@ def hold(
     alike: Callable[[], Float32],
     planes: Callable[[], Sequence[SymmetryPlane]],
     region: Int64 | None = None,
+    *,
+    detach: bool = False,
 ) -> Holding:
     """Return the part at a vertex. `component` (N,) is the result of `Parts.components`.
 
     `alike` returns the weights (V,) of the handle by features alone (Eq. 4 and 5), and `planes` the planes of symmetry
     of the shape. Both are called only if the part has several components. If the handle is a region, the bands of its
-    component end outside the vertices `region` (R,).
+    component end outside the vertices `region` (R,). With `detach`, nothing hangs on the part, and no contact holds it.
     """
     nodes = nodes_of(mesh)
-    component = joined(nodes, component)[nodes.follows]
+    component = joined(nodes, component)
+    component = (component if detach else with_hanging(nodes, component))[nodes.follows]
     found = find_counterparts(mesh, component, vertex, position, alike, planes)
     numbers = [number for number, _ in found]
     component = _renumbered(nodes, component, numbers)
-    return Holding(
-        _components(nodes, component, vertex, [one for _, one in found], region), level, nodes, component, mesh.diagonal
-    )
+    counterparts = [one for _, one in found]
+    held = [nodes.of_vertex[[one.vertex]].astype(np.int64) for one in counterparts]
+    if region is not None:
+        at = nodes.of_vertex[region]
+        held[0] = np.unique(at[component[at] == 0]).astype(np.int64)
+    attached = [None] * len(held) if detach else attachments(nodes, component, held)
+    components = _components(nodes, component, vertex, counterparts, region, attached)
+    return Holding(components, level, nodes, component, mesh.diagonal)
 
 
 def joined(nodes: Nodes, component: Int64) -> Int64:
@@ -146,7 +180,12 @@ def _renumbered(nodes: Nodes, component: Int64, numbers: Sequence[int]) -> Int64
 
 
 def _components(
-    nodes: Nodes, component: Int64, vertex: int, counterparts: Sequence[Counterpart], region: Int64 | None
+    nodes: Nodes,
+    component: Int64,
+    vertex: int,
+    counterparts: Sequence[Counterpart],
+    region: Int64 | None,
+    attached: Sequence[Attachment | None],
 ) -> tuple[Component, ...]:
     count, surface = len(counterparts), nodes.surface
     row = np.repeat(np.arange(len(component)), np.diff(surface.indptr))
@@ -179,10 +218,30 @@ def _components(
     shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
     room = min((here + shift) / max(inward[0], 1e-300), 1.0)
     centers = [nodes.center[component == k].mean(axis=0) for k in range(count)]
+    free = _free(nodes, attached, held)
     return tuple(
-        _component(nodes, each, *border, middle, outward[k], room * inward[k], room, fields[k] + shift, shares[k])
+        _component(
+            nodes, each, *border, middle, outward[k], room * inward[k], room, attached[k], free[k],
+            fields[k] + shift, shares[k],
+        )
         for k, (each, border, middle) in enumerate(zip(counterparts, borders, centers, strict=True))
-    )
+    )  # fmt: skip
+
+
+def _free(nodes: Nodes, attached: Sequence[Attachment | None], held: Int64) -> list[float]:
+    """Return for each component the largest distance of the inner end of the band at its contacts from them.
+
+    It is at most `INSIDE` of the largest distance. If the handle, the vertices `held` (N,), lies nearer to a contact,
+    all distances shrink alike, so that the handle has weight 1.
+    """
+    deepest = [
+        0.0 if each is None else float(each.apart[np.isfinite(each.apart)].max(initial=0.0)) for each in attached
+    ]
+    room = 1.0
+    if attached[0] is not None and deepest[0] > 0:
+        here = float(_on_vertices(nodes, attached[0].apart[nodes.follows], held).min(initial=np.inf))
+        room = min(here / (INSIDE * deepest[0]), 1.0)
+    return [room * INSIDE * each for each in deepest]
 
 
 def _border(nodes: Nodes, row: Int64, beside: Int64, cut: Bool) -> tuple[Float64, int, float]:
@@ -302,6 +361,8 @@ def _component(
     outward: float,
     inward: float,
     room: float,
+    attached: Attachment | None,
+    free: float,
     field: Float64,
     share: Float64,
 ) -> Component:
@@ -310,6 +371,8 @@ def _component(
         direction = unit((middle - border.mean(axis=0))[None])[0]
     used = (share > 0) & (field > -outward)
     uncertain = ~((field >= inward) & (share >= 1))
+    if attached is not None:
+        uncertain |= attached.apart[nodes.follows] < free
     # A vertex belongs to the core if all nodes from which its depth is interpolated do.
     if not nodes.are_vertices:
         used, uncertain = nodes.reach @ used, nodes.reach @ uncertain
@@ -319,6 +382,19 @@ def _component(
     shares = nodes.interpolated(share.astype(np.float32), vertices)
     some = (depth > -outward) & (shares > 0)
     vertices, depth, shares = vertices[some], depth[some], shares[some]
+    at_contacts: dict[str, Any] = {}
+    if attached is not None and attached.kept:
+        apart = _on_vertices(nodes, attached.apart[nodes.follows], vertices).astype(np.float32)
+        at_contacts = {"kept": attached.kept, "apart": apart, "free": free}
+    if attached is not None and attached.drawing:
+        touched = np.flatnonzero((attached.drawn < attached.reach)[nodes.follows][nodes.of_vertex])
+        drawn = _on_vertices(nodes, attached.drawn[nodes.follows], touched).astype(np.float32)
+        at_contacts |= {"drawing": attached.drawing, "drawn": drawn, "drawn_reach": attached.reach}
+        far = np.full(len(touched), np.inf)
+        if attached.kept:
+            at_contacts["apart"] = np.concatenate([at_contacts["apart"], far.astype(np.float32)])
+        vertices, depth = np.concatenate([vertices, touched]), np.concatenate([depth, far])
+        shares = np.concatenate([shares, np.ones(len(touched), np.float32)])
     return Component(
         counterpart,
         border,
@@ -331,4 +407,5 @@ def _component(
         vertices.astype(np.int32),
         depth.astype(np.float32),
         shares,
+        **at_contacts,
     )

@@ -33,6 +33,11 @@ class Piece:
     core: Share  # the weights beyond the inner end of every band
     factor: Float32  # (M,) factor of the weights at `Component.vertices`
 
+    def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Piece:
+        """Return the piece with all weights multiplied by `factor`, a function of vertices (N,)."""
+        inside = Share(self.component.vertices, self.factor)
+        return Piece(self.component, _scaled(self.core, factor), _scaled(inside, factor).values)
+
 
 @dataclass(frozen=True, eq=False)
 class Column:
@@ -43,6 +48,7 @@ class Column:
     pieces: tuple[Piece, ...] = ()  # components whose weights depend on the motion, because they have bands
     still: Share | None = None  # weights that do not depend on the motion; None if there are pieces
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
+    depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
 
     def matrix(self, edit: Edit) -> Float64:
         """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
@@ -51,15 +57,8 @@ class Column:
 
     def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Column:
         """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
-
-        def share(of: Share) -> Share:
-            return Share(of.vertices, of.values * factor(of.vertices).astype(np.float32))
-
-        pieces = tuple(
-            Piece(each.component, share(each.core), share(Share(each.component.vertices, each.factor)).values)
-            for each in self.pieces
-        )
-        return replace(self, pieces=pieces, still=None if self.still is None else share(self.still))
+        pieces = tuple(each.scaled(factor) for each in self.pieces)
+        return replace(self, pieces=pieces, still=None if self.still is None else _scaled(self.still, factor))
 
     @cached_property
     def support(self) -> Int64:
@@ -78,6 +77,10 @@ class Plan:
     crowded: tuple[tuple[tuple[int, ...], Int64], ...] = ()  # groups of columns, and vertices (N,) of each group
 
 
+def _scaled(share: Share, factor: Callable[[NDArray[np.integer]], Float64]) -> Share:
+    return Share(share.vertices, share.values * factor(share.vertices).astype(np.float32))
+
+
 def allocated(
     columns: Sequence[Column],
     moving: Sequence[int],
@@ -93,8 +96,7 @@ def allocated(
     are vertices that stand for `sizes` (N,) vertices each. `vertex_of` maps each moving handle to its vertex.
     """
     among = [i for i, column in enumerate(columns) if column.handle in moving]
-    on_samples = at_rest[among][:, samples]
-    held = (on_samples >= COMPONENT_THRESHOLD * on_samples.max(axis=1, keepdims=True)) & (on_samples > 0)
+    held = supports(at_rest[among][:, samples])
     same, nested = same_and_nested(held, sizes)
     kept = kept_columns([columns[i].handle for i in among], same)
     same, nested = same[np.ix_(kept, kept)], nested[np.ix_(kept, kept)]
@@ -102,13 +104,14 @@ def allocated(
     handle_of = [columns[i].handle for i in kept]
     nested &= np.not_equal.outer(handle_of, handle_of)
     own = {handle_of.index(handle): vertex_of[handle] for handle in dict.fromkeys(handle_of)}
-    divided_columns = divided([columns[i] for i in kept], at_rest[kept], points, own, same, nested)
+    joined = sharing([columns[i] for i in kept], own, same)
+    divided_columns = divided(joined, at_rest[kept], points, own, same, nested)
     order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
+    depth = depths(nested, held[[among.index(i) for i in kept]] @ sizes)
     result = list(columns)
     for k, i in enumerate(kept):
         carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
-        result[i] = replace(divided_columns[k], carriers=carriers)
-    depth = nested.sum(axis=1)
+        result[i] = replace(divided_columns[k], carriers=carriers, depth=int(depth[k]))
     crowded = []
     for each in np.unique(depth):
         group = [kept[k] for k in np.flatnonzero(depth == each)]
@@ -118,6 +121,11 @@ def allocated(
         if len(vertices := np.flatnonzero(count > 1)):
             crowded.append((tuple(order.index(i) for i in group), vertices))
     return Plan(tuple(result[i] for i in order), tuple(crowded))
+
+
+def supports(weights: Float32) -> Bool:
+    """Return which samples belong to the component of each column, (C, N), for its `weights` (C, N) at the samples."""
+    return (weights >= COMPONENT_THRESHOLD * weights.max(axis=1, keepdims=True)) & (weights > 0)
 
 
 def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
@@ -131,6 +139,17 @@ def same_and_nested(held: Bool, sizes: Float64) -> tuple[Bool, Bool]:
     same = common > LEAST_IOU * union
     nested = (common > LEAST_NESTED * own[:, None]) & ~same
     return same, nested
+
+
+def depths(nested: Bool, size: Float64) -> Int64:
+    """Return the largest number of components (C,) in which each is nested one inside the other.
+
+    `nested` (C, C) is as in `same_and_nested`. A component is smaller (`size`, (C,)) than those in which it is nested.
+    """
+    depth = np.zeros(len(nested), np.int64)
+    for k in np.argsort(-size, kind="stable"):
+        depth[k] = (depth[nested[k]] + 1).max(initial=0)
+    return depth
 
 
 def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
@@ -147,14 +166,42 @@ def kept_columns(handle_of: Sequence[int], same: Bool) -> list[int]:
     return np.flatnonzero(kept).tolist()
 
 
+def sharing(columns: Sequence[Column], vertex_of: dict[int, int], same: Bool) -> list[Column]:
+    """Return `columns`, in which handles on one component use the same bands, so that their weights have the sum 1.
+
+    The component is that of the first of these handles, with bands that end before each handle. `vertex_of` and `same`
+    are as in `divided`. A handle outside the first handle's component, or with weights by features, keeps its own.
+    """
+    result = list(columns)
+    for first in vertex_of:
+        others = [j for j in vertex_of if j > first and same[first, j]]
+        if not others or not _is_plain(result[first]):
+            continue
+        component = result[first].pieces[0].component
+        sharers = [first]
+        for j in others:
+            limited = component.limited(vertex_of[j])
+            if _is_plain(result[j]) and limited is not None:
+                component, sharers = limited, [*sharers, j]
+        for j in sharers:
+            piece = Piece(component, component.core, component.share)
+            result[j] = replace(result[j], pieces=(piece,))
+    return result
+
+
+def _is_plain(column: Column) -> bool:
+    """Return whether a column moves one component, with weights that only the component determines."""
+    return len(column.pieces) == 1 and column.pieces[0].factor is column.pieces[0].component.share
+
+
 def divided(
     columns: Sequence[Column], at_rest: Float32, points: Float64, vertex_of: dict[int, int], same: Bool, nested: Bool
 ) -> list[Column]:
     """Return `columns`, scaled so that at each handle the columns of other handles are 0.
 
-    Two handles on one component divide it: each vertex follows the nearer handle more. `at_rest` (C, V) are the weights
-    at rest. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested` (C, C)
-    are the results of `same_and_nested`.
+    Handles on one component divide it: the weights are inverse to the squared distances. `at_rest` (C, V) are the
+    weights at rest. `vertex_of` maps the first column of each handle to the vertex of the handle. `same` and `nested`
+    (C, C) are the results of `same_and_nested`.
     """
     own, at = np.array(list(vertex_of)), np.array(list(vertex_of.values()))
     places = points[at]
@@ -167,9 +214,9 @@ def divided(
 
         def factor(vertices: NDArray[np.integer], j: int = j, rivals: Int64 = rivals, beside: Bool = beside) -> Float64:
             here, left = points[vertices], np.ones(len(vertices))
-            for rival in rivals:
-                near, far = (_squares(here, points[vertex_of[number]]) for number in (j, rival))
-                left *= far / np.maximum(near + far, 1e-300)
+            if len(rivals):
+                near = [1 / np.maximum(_squares(here, points[vertex_of[i]]), 1e-300) for i in (j, *rivals.tolist())]
+                left *= near[0] / np.sum(near, axis=0)
             for i in np.flatnonzero(beside):
                 squares = _squares(here, places[i]) / radius[i] ** 2
                 close = np.flatnonzero(squares < 1.0)

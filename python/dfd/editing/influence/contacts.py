@@ -1,0 +1,193 @@
+"""Find the contacts of a part: where a piece that moves touches surface that does not move with it.
+
+A piece is a connected component of the mesh, such as a leg of a chair that was modeled alone. A piece without a border
+on its own surface is attached only by its contacts. So its weights fall to 0 at them, as at the border of a limb. What
+touches only the part, such as fingers on a hand, moves with the part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from dfd.common.linear_algebra import Bool, Float64, Int64
+from dfd.geometry.coarse import Nodes
+
+# A region outside the part hangs on the part if its area is below STAYS times that of the largest region outside, or
+# below HANGS times that of the part.
+STAYS, HANGS = 0.5, 0.05
+# A touched piece stretches in place of the component if its area is below SMALLER times that of the component. So the
+# legs of a table stretch, both if one of them is pulled and if the top is pulled.
+SMALLER = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The place where a component touches one other piece: the mean and the spread of its points, in mesh units."""
+
+    center: Float64  # (3,) mean of the points
+    spread: Float64  # (3, 3) symmetric square root of the covariance of the points
+
+    def motion(self, affine: Float64, default: Float64) -> tuple[float, float]:
+        """Return how far `affine` (3, 4) moves the contact while `default` (3, 4) moves its surroundings, mesh units.
+
+        The first distance is that between both images of the contact as a whole: the Wasserstein distance between two
+        normal distributions. It is 0 if a wheel turns on its axle. The second is the RMS displacement of the points.
+        """
+        relative, one, other = affine - default, affine[:, :3] @ self.spread, default[:, :3] @ self.spread
+        moved = np.square(relative[:, :3] @ self.center + relative[:, 3]).sum()
+        common = np.linalg.svd(one.T @ other, compute_uv=False).sum()
+        apart = max(np.square(one).sum() + np.square(other).sum() - 2 * common, 0.0)
+        return float(np.sqrt(moved + apart)), float(np.sqrt(moved + np.square(one - other).sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class Attachment:
+    """The contacts of one component with surface outside the part. Distances are in mesh units, along the surface."""
+
+    kept: tuple[Contact, ...]  # contacts at which the component stretches, so that they stay in place
+    apart: Float64  # (N,) distance of the component's nodes from the kept contacts; 0 also behind them
+    drawing: tuple[Contact, ...]  # contacts at which the touched piece stretches, so that it follows the component
+    drawn: Float64  # (N,) distance of the nodes of touched pieces from the drawing contacts; infinite elsewhere
+    reach: float  # half of the largest distance on a touched piece, the smallest of all touched pieces
+
+
+def with_hanging(nodes: Nodes, component: Int64) -> Int64:
+    """Return `component` (N,), −1 outside the part, in which regions that hang on the part join it.
+
+    A region outside hangs on the part if it is small, touches the part, and no edge of a face connects it to the part.
+    Its nodes join the nearest component.
+    """
+    inside, outside = np.flatnonzero(component >= 0), np.flatnonzero((component < 0) & nodes.used)
+    if np.isin(nodes.component[outside], nodes.component[inside]).all():
+        return component
+    region = np.full(len(component), -1)
+    region[outside] = connected_components(nodes.graph[outside][:, outside], directed=False)[1]
+    area, own = np.bincount(region[outside], nodes.area[outside]), nodes.area[inside].sum()
+    small = (area < STAYS * area.max()) | (area < HANGS * own)
+    touching, connected = (
+        _regions_beside(graph, component, region, len(area)) for graph in (nodes.graph, nodes.surface)
+    )
+    joins = np.flatnonzero((region >= 0) & (small & touching & ~connected)[region])
+    if not len(joins):
+        return component
+    some = np.concatenate([inside, joins])
+    nearest = dijkstra(
+        nodes.graph[some][:, some], indices=np.arange(len(inside)), min_only=True, return_predecessors=True
+    )[2][len(inside) :]
+    result = component.copy()
+    result[joins] = component[some[nearest]]
+    return result
+
+
+def _regions_beside(graph: csr_array, component: Int64, region: Int64, count: int) -> Bool:
+    """Return whether `graph` connects each of `count` regions to the part, (count,) bool."""
+    row = np.repeat(np.arange(len(component)), np.diff(graph.indptr))
+    found = np.zeros(count, bool)
+    beside = region[graph.indices[component[row] >= 0]]
+    found[beside[beside >= 0]] = True
+    return found
+
+
+def attachments(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[Attachment | None]:
+    """Return the contacts of each component of a part with surface outside the part; None if it has none.
+
+    `component` (N,) is the component of each node, −1 outside. `held` are the nodes of the handle or the counterpart on
+    each component. Contacts of a piece with a border on its own surface do not count.
+    """
+    graph, piece = nodes.graph, nodes.component
+    row = np.repeat(np.arange(len(component)), np.diff(graph.indptr))
+    outside = (component < 0) & nodes.used
+    touching = (component[row] >= 0) & outside[graph.indices] & (piece[row] != piece[graph.indices])
+    one, other = row[touching], graph.indices[touching].astype(np.int64)
+    bordered = np.zeros((len(held), piece.max() + 1), bool)
+    if len(one):
+        row = np.repeat(np.arange(len(component)), np.diff(nodes.surface.indptr))
+        row = row[(component[row] >= 0) & (component[nodes.surface.indices] < 0)]
+        bordered[component[row], piece[row]] = True
+    free = ~bordered[component[one], piece[one]]
+    one, other = one[free], other[free]
+    found = [
+        _attachment(nodes, component, k, one[component[one] == k], other[component[one] == k], at)
+        for k, at in enumerate(held)
+    ]
+    drawn = np.array([np.full(len(component), np.inf) if each is None else each.drawn for each in found])
+    for k, each in enumerate(found):
+        if each is not None:
+            each.drawn[drawn.argmin(axis=0) != k] = np.inf  # a piece between two components follows the nearer one
+    return found
+
+
+def _attachment(
+    nodes: Nodes, component: Int64, number: int, touching: Int64, beside: Int64, held: Int64
+) -> Attachment | None:
+    """Return the contacts of component `number`. Its nodes `touching` (C,) touch the nodes `beside` (C,)."""
+    if not len(touching):
+        return None
+    inside, piece = component == number, nodes.component
+    own_area = nodes.area[inside].sum()
+    kept, drawing, held_back, sources = list[Contact](), list[Contact](), list[Int64](), list[Int64]()
+    for which in np.unique(piece[beside]):
+        at = piece[beside] == which
+        points = np.unique(touching[at])
+        label = connected_components(nodes.surface[points][:, points], directed=False)[1]
+        area = nodes.area[piece == which].sum()
+        small = area < SMALLER * own_area and bool((component[piece == which] < 0).all())
+        for group in (points[label == each] for each in range(label.max() + 1)):
+            opposite = np.unique(beside[at][np.isin(touching[at], group)])
+            # The nodes of the smaller piece fit the contact better, because faces of a large one can be larger than it.
+            contact = _contact(nodes.center[group if area > own_area else opposite])
+            if small or np.isin(held, group).any():
+                drawing.append(contact)
+                sources.append(opposite)
+            else:
+                kept.append(contact)
+                held_back.append(group)
+    apart = np.full(len(inside), np.inf)
+    if kept:
+        contacts = np.unique(np.concatenate(held_back))
+        apart[inside] = _distances(nodes.graph, np.flatnonzero(inside), contacts)
+        free = inside.copy()
+        free[contacts] = False
+        apart[free & ~_moving(nodes, free, held)] = 0.0
+    drawn, reach = np.full(len(inside), np.inf), np.inf
+    for source in sources:
+        some = np.flatnonzero((piece == piece[source[0]]) & (component < 0))
+        away = _distances(nodes.surface, some, source)
+        drawn[some] = np.minimum(drawn[some], away)
+        reach = min(reach, float(away[np.isfinite(away)].max()) / 2)
+    return Attachment(tuple(kept), apart, tuple(drawing), drawn, reach)
+
+
+def _distances(graph: csr_array, some: Int64, sources: Int64) -> Float64:
+    """Return the distance (M,) of each of the nodes `some` (M,), ascending, from the nearest of `sources` among them.
+
+    Paths contain only nodes in `some`.
+    """
+    found = dijkstra(graph[some][:, some], indices=np.searchsorted(some, sources), min_only=True)
+    return np.asarray(found, np.float64)
+
+
+def _moving(nodes: Nodes, free: Bool, held: Int64) -> Bool:
+    """Return the nodes (N,), among those `free` of contacts, that move: of each piece, those on the handle's side.
+
+    On a piece without a handle, it is the side with the largest area.
+    """
+    some = np.flatnonzero(free)
+    side = np.full(len(free), -1)
+    side[some] = connected_components(nodes.surface[some][:, some], directed=False)[1]
+    area = np.bincount(side[some], nodes.area[some])
+    piece = np.zeros(len(area), np.int64)
+    piece[side[some]] = nodes.component[some]
+    area[side[held[free[held]]]] = np.inf
+    largest = np.zeros(nodes.component.max() + 1)
+    np.maximum.at(largest, piece, area)
+    return free & (area >= largest[piece])[side]
+
+
+def _contact(points: Float64) -> Contact:
+    center = points.mean(axis=0)
+    values, axes = np.linalg.eigh((points - center).T @ (points - center) / len(points))
+    return Contact(center, (axes * np.sqrt(values.clip(0.0))) @ axes.T)
