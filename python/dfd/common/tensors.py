@@ -16,15 +16,19 @@ def is_tensor(value: Any) -> bool:
 
 
 def tracked(*values: Any) -> bool:
-    """Return whether torch records gradients for at least one of `values`."""
+    """Return whether torch records gradients for at least one of `values`, or a transform of `torch.func` uses one."""
     torch = sys.modules.get("torch")
-    if torch is None or not torch.is_grad_enabled():
+    if torch is None:
         return False
-    return any(isinstance(value, torch.Tensor) and value.requires_grad for value in values)
+    records, wrapped = torch.is_grad_enabled(), torch._C._functorch.is_functorch_wrapped_tensor
+    given = [value for value in values if isinstance(value, torch.Tensor)]
+    return any((records and value.requires_grad) or wrapped(value) for value in given)
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
     """Return `value`, or a NumPy array that shares its memory if `value` is a torch tensor on the CPU.
+
+    NumPy has no bfloat16, so a tensor of this type gives a new array of float32.
 
     Raises ValueError if `value` is a masked array, a tensor on another device, or a tensor of a type that NumPy lacks.
     """
@@ -36,6 +40,8 @@ def shared(function: str | None, name: str, value: Any) -> Any:
         return value
     if value.device.type != "cpu":
         raise ArgumentError(name, f"must be on the CPU, got a tensor on {value.device}", function)
+    if value.dtype is sys.modules["torch"].bfloat16:
+        value = value.float()
     try:
         return value.detach().resolve_conj().resolve_neg().numpy()
     except (TypeError, RuntimeError, NotImplementedError):
