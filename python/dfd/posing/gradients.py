@@ -49,20 +49,7 @@ def posed_with_gradients(
     how = {name: options[name] for name in ("symmetry", "handles", "overlap")}
     given = zip(INPUTS, (vertices, weights, transforms, options["default"]), strict=True)
     call = _Call(pose, prepare, how)
-    return _Pose.apply(call, *(_tensor(name, value) for name, value in given))  # type: ignore[no-untyped-call]
-
-
-def _tensor(name: str, value: Any) -> torch.Tensor | None:
-    """Return an argument as a tensor. Types of 16 bits become float32, in which the kernels compute."""
-    if value is None:
-        return None
-    if isinstance(value, torch.Tensor):
-        if value.is_complex():
-            raise ArgumentError(name, f"must be a dense array of numbers, got {value.dtype}", "pose")
-        return value if value.dtype in (torch.float32, torch.float64) else value.to(torch.float32)
-    array = np.asarray(tensors.shared("pose", name, value))
-    # The vertices of a mesh are read-only. torch has no read-only tensors, and would warn without the copy.
-    return torch.from_numpy(array if array.flags.writeable and array.dtype.isnative else array.astype(np.float64))
+    return _Pose.apply(call, *(tensors.as_tensor("pose", name, value) for name, value in given))  # type: ignore[no-untyped-call]
 
 
 class _Call:
@@ -97,7 +84,7 @@ class _Pose(torch.autograd.Function):
 
     @staticmethod
     def vmap(info: Any, in_dims: tuple[Any, ...], call: _Call, *inputs: Any) -> tuple[torch.Tensor, int]:
-        posed = [_Pose.apply(call, *each) for each in _each(info, in_dims[1:], inputs)]  # type: ignore[no-untyped-call]
+        posed = [_Pose.apply(call, *each) for each in tensors.unbatched(info.batch_size, in_dims[1:], inputs)]  # type: ignore[no-untyped-call]
         return torch.stack(posed), 0
 
 
@@ -171,19 +158,10 @@ class _PoseGradients(torch.autograd.Function):
     def vmap(
         info: Any, in_dims: tuple[Any, ...], call: _Call, wanted: tuple[bool, ...], *inputs: Any
     ) -> tuple[tuple[torch.Tensor, ...], tuple[int, ...]]:
-        calls = _each(info, in_dims[2:], inputs)
+        calls = tensors.unbatched(info.batch_size, in_dims[2:], inputs)
         found = [_PoseGradients.apply(call, wanted, *each) for each in calls]  # type: ignore[no-untyped-call]
         stacked = tuple(torch.stack(each) for each in zip(*found, strict=True))
         return stacked, (0,) * len(stacked)
-
-
-def _each(info: Any, dimensions: tuple[Any, ...], inputs: tuple[Any, ...]) -> list[list[Any]]:
-    """Return the inputs of each call of a batch (`torch.func.vmap`)."""
-    pairs = list(zip(inputs, dimensions, strict=True))
-    return [
-        [value if dimension is None else value.select(dimension, k) for value, dimension in pairs]
-        for k in range(info.batch_size)
-    ]
 
 
 def _like_weights(weights: Float32, dtype: Any) -> NDArray[Any]:
