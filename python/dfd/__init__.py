@@ -38,6 +38,7 @@ if _typing.TYPE_CHECKING:
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.pictures.notebook import show
+    from dfd.posing.transforms import Transform
     from dfd.segmentation.parts import Parts, parts
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.search import symmetry_planes
@@ -63,7 +64,7 @@ __all__ = [
     "symmetry_planes",
 ]
 # Experimental names: they may change with any version.
-__all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
+__all__ += ["Drag", "KeyPose", "Parts", "Transform", "VertexField", "export_rig", "export_weights", "parts", "show"]
 
 # The module of each name whose module is imported at the first use of the name. These modules import torch, trimesh or
 # SciPy, which are slow to import. So `import dfd` and `dfd --help` are fast.
@@ -75,6 +76,7 @@ _LAZY = {
     "KeyPose": "dfd.editing.key_pose",
     "Mesh": "dfd.mesh.mesh",
     "Parts": "dfd.segmentation.parts",
+    "Transform": "dfd.posing.transforms",
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",

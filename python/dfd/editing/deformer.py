@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.editing.fit import Fit, Motion, fit
 from dfd.editing.history import History
 from dfd.editing.influence import handle_features
 from dfd.editing.influence.counterparts import Counterpart
@@ -172,7 +173,8 @@ class Deformer(History):
         translation
             (3,) in mesh units.
         rotation
-            (3,) rotation vector in degrees (axis times angle, right-handed), or a quaternion (x, y, z, w).
+            (3,) rotation vector in degrees (axis times angle, right-handed), a quaternion (x, y, z, w), or a
+            `scipy.spatial.transform.Rotation`.
         scale
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
@@ -202,6 +204,9 @@ class Deformer(History):
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
             `open` sets `rotation` and `pivot`.
+        matrix
+            (3, 4) or (4, 4) affine matrix in mesh units, in place of translation, rotation, scale and axes. The handle
+            stores its polar decomposition about the pivot.
         name
             The name for display.
         reach, level, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask, mask_feather
@@ -222,7 +227,7 @@ class Deformer(History):
     def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
-        The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
+        The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its default.
         With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's border.
         The band widens if the border moves, but only inside the limb if the motion lengthens it.
 
@@ -230,6 +235,58 @@ class Deformer(History):
         """
         edit = verbs.move(self.edit, self.bound, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
+
+    @public
+    def fit(
+        self, targets: Any, *, handles: Sequence[int] | None = None, motion: Motion = "rigid", merge: bool = False
+    ) -> Fit:
+        """Move handles so that chosen vertices, or the surface, arrive at given positions, and return the distances.
+
+        The motions begin from rest. They minimize the squared distances from the targets. If several motions do so, the
+        smallest is chosen: a motion that no target determines stays almost 0. One call is one step of the history.
+
+        Parameters
+        ----------
+        targets
+            A mapping of places to positions (3,) in mesh units. A place is a vertex index, a point or a text, as in
+            `add`, and stands for the vertex at it or nearest to it. Or a pair: vertex indices (N,) and positions
+            (N, 3). Or the points (N, 3) of a scan, each of which attracts the nearest point of the surface.
+        handles
+            The ids of the handles that may move; None stands for all handles of the session.
+        motion
+            The motion of each handle: "rigid" has a translation and a rotation. "scale" also has one factor of scale,
+            and "affine" any linear map, which also shears.
+        merge
+            Whether the change joins the previous step, if that step was also a fit.
+
+        Returns
+        -------
+        fit
+            The mean and the largest distance from the targets, the mean distance before the fit, and the undetermined
+            motions of each handle.
+
+        Raises ValueError if there is no handle or no target, a position is not finite, a place is a region or not on
+        the shape, or no handle moves a target. Warns of motions that the targets do not determine.
+
+        Examples
+        --------
+        >>> import dfd
+        >>> mesh = dfd.samples.chair().mesh
+        >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+        >>> seat = session.add("top")
+        >>> found = session.fit({"top": mesh.vertices[mesh.vertices[:, 1].argmax()] + (0, 0.1, 0)})
+        >>> round(float(found.largest), 3)
+        0.0
+        """
+        fitted, found = fit(self.edit, self.bound, targets, handles, motion)
+        self._commit(fitted, "fit", merge, rebinds=False)
+        if found.undetermined:
+            told = ", ".join(f"handle {handle}: {' and '.join(names)}" for handle, names in found.undetermined.items())
+            check.warn(
+                f"Deformer.fit: `targets` do not determine all motions ({told}); these are as small as possible",
+                UserWarning,
+            )
+        return found
 
     def bend(
         self, handle: int, angle: ArrayLike, *, towards: Any = None, joint: Any = None, merge: bool = False

@@ -197,10 +197,11 @@ def _posed(
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
         turned = empty_like(points, batch)
     posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions}, batch)
+    decomposed = _polar(affine, rule)
     for k, each in enumerate(affine):
         into = posed if batch is None else posed[k]
         turned_into = turned if batch is None or turned is None else turned[k]
-        motion = each, _polar(each, rule), *rule
+        motion = each, None if decomposed is None else decomposed[k], *rule
         _core.pose(points, matrix, *motion, None, directions, into, turned_into, threads.get_num_threads())
     return posed, turned
 
@@ -302,7 +303,9 @@ class Drag:
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
-        inputs = self._points, self._weights, affine, _polar(affine, self._rule), *self._rule, self._base
+        decomposed = _polar(affine[np.newaxis], self._rule)
+        polar = None if decomposed is None else decomposed[0]
+        inputs = self._points, self._weights, affine, polar, *self._rule, self._base
         _core.pose(*inputs, None, posed, None, threads.get_num_threads())
         return tensors.like(self._like, posed) if out is None else out
 
@@ -354,10 +357,12 @@ def _rule(
 
 
 def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
-    """Return the polar decompositions (H + 1, 10) of `transforms` (H, 3, 4) and D₀; None if the blend is linear."""
+    """Return the polar decompositions (B, H + 1, 10) of `transforms` (B, H, 3, 4) and D₀; None if the blend is linear."""
     if rule.places is None:
         return None
-    return polar_decomposition(np.concatenate([transforms, rule.rest[np.newaxis]])[:, :, :3])
+    rest = np.broadcast_to(rule.rest, (len(transforms), 1, 3, 4))
+    maps = np.concatenate([transforms, rest], axis=1)[..., :3]
+    return polar_decomposition(maps.reshape(-1, 3, 3)).reshape(*maps.shape[:2], 10)
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:
