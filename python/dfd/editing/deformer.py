@@ -27,6 +27,7 @@ from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.editing.transfer import transfer
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
@@ -79,7 +80,7 @@ class Deformer(History):
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_features", "_next_id", "_shapes", "field", "mesh")
+    __slots__ = ("__weakref__", "_features", "_next_id", "_shapes", "_similarity", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session; `dfd` sets it to `dfd.app.show`
 
     @public
@@ -97,6 +98,7 @@ class Deformer(History):
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._features = features
+        self._similarity: dict[int, float] = {}
         self._shapes: dict[bool, tuple[HandleWeights, PosedShape]] = {}
         self._start(Edit(preset=preset))
 
@@ -227,9 +229,9 @@ class Deformer(History):
     def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
-        The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its default.
-        With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's border.
-        The band widens if the border moves, but only inside the limb if the motion lengthens it.
+        The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its
+        default. With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's
+        border. The band widens if the border moves, but only inside the limb if the motion lengthens it.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -319,6 +321,41 @@ class Deformer(History):
     def remove(self, handle: int, *, merge: bool = False) -> None:
         """Remove a handle. Raises ValueError if there is no such handle."""
         self._commit(self.edit.removed(handle), ("handle", handle), merge)
+
+    @public
+    def transfer(self, mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
+        """Return a session on another shape of the same class, with this edit, transferred to the most similar places.
+
+        A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
+        similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity of
+        each place. `features` are those of `Deformer`.
+
+        Raises ValueError if the fields have different encoders or dimensions, two handles move to the same vertex, or
+        a region contains no vertex of `mesh`.
+
+        Examples
+        --------
+        >>> import dfd
+        >>> mesh, other = dfd.samples.chair().mesh, dfd.samples.chair(8_000).mesh
+        >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+        >>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
+        >>> twin = session.transfer(other, dfd.distill(other))
+        >>> twin.similarity[foot] > 0.5
+        True
+        """
+        other = Deformer(mesh, field, preset=self.preset, features=features)
+        found = transfer(self.edit, self.mesh, self.field, other.mesh, other.field)
+        other._start(found.edit)
+        other._similarity = found.similarity
+        return other
+
+    @property
+    def similarity(self) -> dict[int, float]:
+        """Return the similarity, in [0, 1], of each transferred handle, by its id; it is empty without `transfer`.
+
+        It is the cosine between the features at the handle's place on both shapes, each minus the mean of its shape.
+        """
+        return dict(self._similarity)
 
     @public
     def apply(self, edit: Edit, *, merge: bool = False) -> None:
@@ -534,7 +571,7 @@ class Deformer(History):
 
         If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. This
         causes a warning if the edit was made on another mesh. `other_shape` accepts an edit or a field of another
-        shape, and keeps all positions and lengths. To transfer an edit by features, use `dfd.editing.transfer`.
+        shape, and keeps all positions and lengths. `transfer` transfers an edit by features.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
         """

@@ -357,7 +357,7 @@ def _rule(
 
 
 def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
-    """Return the polar decompositions (B, H + 1, 10) of `transforms` (B, H, 3, 4) and D₀; None if the blend is linear."""
+    """Return polar decompositions (B, H + 1, 10) of `transforms` (B, H, 3, 4) and D₀; None if the blend is linear."""
     if rule.places is None:
         return None
     rest = np.broadcast_to(rule.rest, (len(transforms), 1, 3, 4))
