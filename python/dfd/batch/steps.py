@@ -153,7 +153,7 @@ class _Work:
     def symmetry(self) -> None:
         """Write the mirror planes of the shape, the best first."""
         rules = PRESETS[self.settings.preset or "default"]
-        planes = symmetry_planes(self.field, self.mesh, candidates=rules.candidates, threshold=rules.threshold)
+        planes = symmetry_planes(self.mesh, self.field, candidates=rules.candidates, threshold=rules.threshold)
         self.write_json("symmetry.json", [asdict(plane) for plane in planes])
         self.figures["symmetry_planes"] = len(planes)
 

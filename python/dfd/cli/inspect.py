@@ -86,7 +86,7 @@ def inspect(
         lines.append(f"pixel {at[0]} {at[1]}: {shown}")
     if opened is not None:
         settings = {name: value for name, value in opened.settings.items() if name != "losses"}
-        planes = symmetry_planes(opened, shape)
+        planes = symmetry_planes(shape, opened)
         report["field"] = {"file": str(field), "dimension": opened.dimension, "settings": settings}
         report["symmetry_planes"] = [asdict(plane) for plane in planes]
         made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,6 +34,11 @@ from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from dfd.editing.keywords import ControlOptions, HandleOptions, MotionOptions
 
 
 class Deformer(History):
@@ -162,7 +167,7 @@ class Deformer(History):
         self._record(edit, topic, merge)
 
     @public
-    def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
+    def add(self, at: Any, *, name: str | None = None, **given: Unpack[HandleOptions]) -> int:
         """Add a handle at a place of the shape, and return the handle's id.
 
         Parameters
@@ -226,7 +231,7 @@ class Deformer(History):
         return new
 
     @public
-    def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
+    def move(self, handle: int, *, merge: bool = False, **given: Unpack[MotionOptions]) -> None:
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
         The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its
@@ -306,7 +311,13 @@ class Deformer(History):
 
     @public
     def change(
-        self, handle: int, *, at: Any = None, name: str | None = None, merge: bool = False, **controls: Any
+        self,
+        handle: int,
+        *,
+        at: Any = None,
+        name: str | None = None,
+        merge: bool = False,
+        **controls: Unpack[ControlOptions],
     ) -> None:
         """Set the place, the controls or the name of a handle, as in `add`. Values that are left out do not change.
 
@@ -327,8 +338,8 @@ class Deformer(History):
         """Return a session on another shape of the same class, with this edit, transferred to the most similar places.
 
         A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
-        similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity of
-        each place. `features` are those of `Deformer`.
+        similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity
+        of each place. `features` are those of `Deformer`.
 
         Raises ValueError if the fields have different encoders or dimensions, two handles move to the same vertex, or
         a region contains no vertex of `mesh`.

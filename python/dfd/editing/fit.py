@@ -271,7 +271,7 @@ def _at_vertices(mesh: Mesh, targets: Any) -> Targets:
     if not len(vertices):
         raise ArgumentError("targets", "must have at least one target")
     goals = check.array(None, "targets", positions, (len(vertices), 3), dtype=np.float64)
-    shares = np.tile(np.float64([1, 0, 0]), (len(vertices), 1))
+    shares = np.tile(np.array([1.0, 0.0, 0.0]), (len(vertices), 1))
     return Targets(np.repeat(vertices[:, None], 3, axis=1), shares, goals)
 
 

@@ -66,9 +66,9 @@ class VertexField(Field):
         rows = check.array("VertexField", "features", features, ("R", "D"))
         places, first = np.unique(mesh.representative, return_inverse=True)
         rows = _at_vertices(mesh, rows, at)[places]
-        unknown = ~rows.any(axis=1)
+        unknown: Bool = np.logical_not(rows.any(axis=1))
         if unknown.any():
-            rows = _filled(mesh, rows, places, unknown)
+            rows = _filled(mesh, rows, places.astype(np.int64), unknown)
             number = f"{int(unknown.sum())} of {len(unknown)}"
             check.warn(f"VertexField: `features` had {number} rows of zeros, filled from neighbors", UserWarning)
         self._store(_unit(rows), first, mesh.vertices[places])
@@ -100,13 +100,17 @@ class VertexField(Field):
 
         Raises OSError if `path` cannot be written; an existing file stays unchanged.
         """
-        arrays = {"rows": self._rows, "of_vertex": self._of_vertex.astype(np.int64), "places": self._places}
+        arrays: dict[str, NDArray[Any]] = {
+            "rows": self._rows,
+            "of_vertex": self._of_vertex.astype(np.int64),
+            "places": self._places,
+        }
         arrays |= {"center": np.asarray(self.center, np.float64), "scale": np.array(self.scale)}
         field_file.write(path, None, arrays, self.settings)
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> VertexField:
-        """Return the field that `save` wrote. Raises ValueError if an array is missing, or has a wrong shape or type."""
+        """Return the field that `save` wrote. Raises ValueError if an array is missing or has a wrong shape or type."""
         field = cls.__new__(cls)
         if missing := {"rows", "of_vertex", "places", "center", "scale"} - arrays.keys():
             raise ArgumentError(missing.pop(), "is missing", "VertexField")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -209,8 +209,8 @@ def cut_document(found: Sequence[Part]) -> dict[str, Any]:
     return {"parts": rows, "part_of_vertex": (1 + np.argmax([part.mask for part in found], axis=0)).tolist()}
 
 
-def parts(field: Field, mesh: MeshLike) -> Parts:
+def parts(mesh: MeshLike, field: Field) -> Parts:
     """Return the parts of `mesh`, found by the features of `field`. `mesh` can be anything that `dfd.load` reads."""
-    shape = as_mesh(mesh)
     known = check.field("parts", field)
-    return Parts(shape, known.on(shape).rows, lambda: symmetry_planes(known, shape))
+    shape = as_mesh(mesh)
+    return Parts(shape, known.on(shape).rows, partial(symmetry_planes, shape, known))

@@ -66,11 +66,11 @@ def bind(
         compact features, with which binding is many times faster. The weights then change by at most the tolerance that
         `dfd.compact` was given.
     handles
-        (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
-        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
-        region depends on the member of the region with the most similar feature. At most 32 members are used, whose
-        features differ most from each other, and by more than 0.001. They are chosen from at most 8,192 members, taken
-        at equal intervals from the list.
+        (H,) distinct vertex indices, a mask (V,) of bool, or (H, D) feature rows for points in space. Negative indices
+        count from the end. A sequence of H items also permits regions: each item is a vertex index, a list of vertex
+        indices, or (N, D) rows. The weight of a vertex for a region depends on the member of the region with the most
+        similar feature. At most 32 members are used, whose features differ most from each other, and by more than
+        0.001. They are chosen from at most 8,192 members, taken at equal intervals from the list.
     fixed
         Points or regions that stay in place: (P,), (P, D) or a sequence of P items, as for `handles`. Surface with
         similar features stays, too.

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 
 from dfd.common import tensors
+from dfd.common.check import vertex_indices
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32
 from dfd.weights.compact import CompactFeatures
@@ -34,6 +35,9 @@ def bound_with_gradients(bind: Callable[..., Float32], given: dict[str, Any], fa
         if items_of(name, given[name]) is not None:
             raise ArgumentError(name, "must be vertices or feature rows to have gradients, not regions", "bind")
     values = [tensors.as_tensor("bind", name, given[name]) for name in INPUTS]
+    for k in (1, 2):
+        if values[k] is not None and values[k].ndim == 1:
+            values[k] = torch.from_numpy(vertex_indices("bind", INPUTS[k], values[k], len(values[0]), wrap=True))
     return _Bind.apply(_Call(bind, falloff), *values)  # type: ignore[no-untyped-call]
 
 

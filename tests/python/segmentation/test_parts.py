@@ -1,5 +1,6 @@
 """Test the parts at a vertex or a point, on samples with labeled parts and noisy features that depend on the label."""
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -209,7 +210,7 @@ def test_loose_shapes_of_few_faces_have_parts():
 def test_a_field_gives_the_features(chair):
     field = field_of(chair.mesh)
     rows = field.features(chair.mesh)
-    by_field = dfd.parts(field, chair.mesh).part(0)
+    by_field = dfd.parts(chair.mesh, field).part(0)
     assert np.array_equal(by_field.mask, Parts(chair.mesh, lambda some: rows[some]).part(0).mask)
 
 
@@ -311,3 +312,10 @@ def test_a_part_has_at_most_64_components():
     whole = trimesh.util.concatenate(balls)
     parts = Parts(dfd.Mesh(whole.vertices, whole.faces), lambda vertices: np.ones((len(vertices), 4), np.float32))
     assert {parts.part(vertex).components for vertex in (0, 999)} == {64}
+
+
+def test_parts_are_pickled(chair):
+    field = dfd.VertexField(chair.mesh, noisy(chair))
+    own = dfd.parts(chair.mesh, field)
+    again = pickle.loads(pickle.dumps(own))
+    np.testing.assert_array_equal(again.part(0).mask, own.part(0).mask)

@@ -237,3 +237,19 @@ def test_out_must_not_overlap_an_input():
     features = unit_rows(4, 4)
     with pytest.raises(ValueError, match=r"^bind: `out` must not overlap `features`"):
         dfd.bind(features, [0, 1, 2, 3], out=features)
+
+
+def test_negative_indices_and_masks_count_as_in_numpy():
+    features = unit_rows(50, 12)
+    wanted = dfd.bind(features, [48, 3], fixed=[49])
+    np.testing.assert_array_equal(dfd.bind(features, [-2, 3], fixed=[-1]), wanted)
+    mask, fixed = np.zeros(50, bool), np.zeros(50, bool)
+    mask[[3, 48]] = fixed[49] = True
+    np.testing.assert_array_equal(dfd.bind(features, mask, fixed=fixed), wanted[:, ::-1])
+    for handles in ([-51], mask[:-1], [50]):
+        with pytest.raises(ValueError, match="^bind: `handles` must"):
+            dfd.bind(features, handles)
+    rows = torch.from_numpy(features).requires_grad_()
+    (by_mask,) = torch.autograd.grad(dfd.bind(rows, mask).sum(), rows)
+    (by_index,) = torch.autograd.grad(dfd.bind(rows, [3, -2]).sum(), rows)
+    torch.testing.assert_close(by_mask, by_index)

@@ -94,7 +94,7 @@ class HandleWeights:
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
-        return symmetry_planes(self.field, self.mesh)
+        return symmetry_planes(self.mesh, self.field)
 
     def hold(self, place: Place, level: int = 0, plane: SymmetryPlane | None = None) -> Holding | None:
         """Return the part at a place, at rest; None if there is no part, such as on a ball.
