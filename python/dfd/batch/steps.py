@@ -201,7 +201,7 @@ class _Work:
 
     def parts(self) -> None:
         """Write the parts and the part of each vertex. With the step "pictures", also write a picture of the parts."""
-        found = parts_of(self.field, self.mesh).cut()
+        found = parts_of(self.mesh, self.field).cut()
         self.write_json("parts.json", cut_document(found))
         self.figures["parts"] = len(found)
         if "pictures" in self.settings.steps:

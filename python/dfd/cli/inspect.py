@@ -137,7 +137,7 @@ def parts(
     shape = open_mesh(mesh, stages)
     opened = open_field(shape, field, force=force, progress=stages)
     with stages.stage("parts"):
-        found = parts_of(opened, shape).cut()
+        found = parts_of(shape, opened).cut()
     document = cut_document(found)
     if output is not None and output.suffix.lower() != ".json":
         export_parts(shape, found, output)
