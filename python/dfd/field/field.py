@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import os
 import warnings
 from collections.abc import Mapping
@@ -291,10 +292,9 @@ def _of_vertices(
     other_shape: bool,
 ) -> Field:
     """Return the `VertexField` with the `arrays` of a file; the other arguments and the errors are those of `load`."""
-    from dfd.field.vertex_field import VertexField  # this module imports `Field`
-
+    module = importlib.import_module("dfd.field.vertex_field")  # it imports this module for its base class `Field`
     try:
-        field = VertexField.of_arrays(arrays, settings)
+        field: Field = module.VertexField.of_arrays(arrays, settings)
     except ArgumentError as error:
         reason = f"{os.fspath(path)} is damaged: `{error.argument}` {error.reason}"
         raise ArgumentError("path", reason, "Field.load") from error
