@@ -263,9 +263,6 @@ class Deformer(History):
         motion
             The motion of each handle: "rigid" has a translation and a rotation. "scale" also has one factor of scale,
             and "affine" any linear map, which also shears.
-        merge
-            Whether the change joins the previous step, if that step was also a fit.
-
         Returns
         -------
         fit
@@ -336,7 +333,9 @@ class Deformer(History):
 
     @public
     def transfer(self, mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
-        """Return a session on another shape of the same class, with this edit, transferred to the most similar places.
+        """Return a session on another `mesh` of the same class, with this edit, transferred to the most similar places.
+
+        `field` is the feature field of `mesh`.
 
         A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
         similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity

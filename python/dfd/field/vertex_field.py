@@ -110,7 +110,10 @@ class VertexField(Field):
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> VertexField:
-        """Return the field that `save` wrote. Raises ValueError if an array is missing or has a wrong shape or type."""
+        """Return the field with the `arrays` and `settings` that `save` wrote.
+
+        Raises ValueError if an array is missing, or has a wrong shape or type.
+        """
         field = cls.__new__(cls)
         if missing := {"rows", "of_vertex", "places", "center", "scale"} - arrays.keys():
             raise ArgumentError(missing.pop(), "is missing", "VertexField")

@@ -82,6 +82,23 @@ class Transform(ReadOnlyArrays, Brief):
     R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part:
     the vertices with at least half of the handle's largest weight.
 
+    Parameters
+    ----------
+    translation
+        (3,) in mesh units.
+    rotation
+        (3,) rotation vector in degrees, a quaternion (x, y, z, w), or a `scipy.spatial.transform.Rotation`.
+    scale
+        One factor, or (3,) along `axes`. 0 flattens, a negative factor mirrors.
+    pivot, pivot_at
+        (3,) center of rotation and scale in mesh units, and the name of this place; None is the handle's position.
+    axes
+        (3, 3) orthonormal vectors, one per row; None stands for the axes of the mesh.
+    bend, twist
+        The rotation of the held part's tip, as a rotation vector (3,) in degrees, and its angle about the part's axis.
+    joint
+        The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.
+
     Raises ValueError if an attribute has a wrong array shape, is not finite or exceeds `check.LARGEST`. Raises
     ValueError if a rotation is the quaternion 0 or outside ±1e9 degrees, or `axes` are not orthonormal. Raises
     ValueError if `pivot_at` is unknown, `pivot_at` is given without `pivot`, or `joint` lies outside [0, 1].
