@@ -263,6 +263,7 @@ class Deformer(History):
         motion
             The motion of each handle: "rigid" has a translation and a rotation. "scale" also has one factor of scale,
             and "affine" any linear map, which also shears.
+
         Returns
         -------
         fit
