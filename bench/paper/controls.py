@@ -68,7 +68,7 @@ def fig5(context: Context) -> Page:
     def score(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
         if plane := session.symmetry:
             return {"plane found %": 100, "normal": str(np.round(plane.normal, 2)), "score": plane.score}
-        axes = dfd.symmetry_planes(subject.field, subject.shape.mesh, threshold=2.0, candidates="axes")
+        axes = dfd.symmetry_planes(subject.shape.mesh, subject.field, threshold=2.0, candidates="axes")
         return {"plane found %": 0, "normal": "", "score": axes[0].score if axes else None}
 
     def sides(subject: Subject) -> dict[str, Any]:

@@ -105,7 +105,7 @@ def judged(shape: AlikeShape, field: dfd.Field) -> dict[str, float]:
     mesh = shape.mesh
     areas = face_areas(mesh.vertices, mesh.faces)
     sets = list(meant(shape, areas))
-    planes = symmetry_planes(field, mesh)
+    planes = symmetry_planes(mesh, field)
     rows = _numbers(Parts(mesh, field.on(mesh).rows, lambda: planes), mesh, areas, sets)
     rows["person's set"] = np.array([each.people for each in sets])
     rows = {name: rows[name] for name in LEGEND if name in rows}

@@ -48,7 +48,7 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
         "geodesic precision": 1 - dfd.Geodesics(mesh).distances(handles).T,
     }
     found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
-    parts = Parts(mesh, field.on(mesh).rows, lambda: symmetry_planes(field, mesh))
+    parts = Parts(mesh, field.on(mesh).rows, lambda: symmetry_planes(mesh, field))
     moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
     for name, preset in (("grip", "default"), ("paper's grip", "paper")):
         session = dfd.Deformer(mesh, field, preset=preset, features=features)

@@ -88,7 +88,7 @@ def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
     mesh = shape.mesh
     areas = face_areas(mesh.vertices, mesh.faces)
     drawn = list(places(shape, areas))
-    planes = symmetry_planes(field, mesh)
+    planes = symmetry_planes(mesh, field)
     found = _levels(Parts(mesh, field.on(mesh).rows, lambda: planes), mesh, areas, drawn)
     random = _levels(Parts(mesh, waves(mesh), lambda: planes), mesh, areas, drawn, steps=0)[:, 0]
     small = np.array([areas[place.flat].sum() / areas.sum() for place in drawn]) < SMALL

@@ -33,7 +33,7 @@ class Symmetry:
 
     def time_planes(self) -> None:
         """Find all mirror planes."""
-        dfd.symmetry_planes(self.field, self.mesh)
+        dfd.symmetry_planes(self.mesh, self.field)
 
 
 class Geodesics:

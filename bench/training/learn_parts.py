@@ -45,7 +45,7 @@ class Place:
 
 def trees_of(mesh: dfd.Mesh, field: dfd.Field) -> Trees:
     """Return the trees of regions of a mesh."""
-    patches = Patches(mesh, dfd.symmetry_planes(field, mesh))
+    patches = Patches(mesh, dfd.symmetry_planes(mesh, field))
     return Trees(patches, patches.means(field.on(mesh).rows))
 
 

@@ -25,4 +25,5 @@ NB_MODULE(_core, m)
     init_field(m);
     init_geodesics(m);
     init_pose(m);
+    init_pose_gradients(m);
 }

@@ -1,8 +1,8 @@
 #include "dfd/pose.hpp"
 
 #include "dfd/common/parallel.hpp"
-#include "dfd/common/require.hpp"
 #include "dfd/common/scratch.hpp"
+#include "dfd/pose_job.hpp"
 
 #include <atomic>
 #include <cmath>
@@ -13,198 +13,6 @@ namespace {
 
 // Least number of weights per thread. With fewer, starting a thread takes longer than its work.
 constexpr std::size_t grain_weights = std::size_t{1} << 15;
-
-using Point = Vector3d;
-using Matrix3d = std::array<double, 9>;  // row-major
-
-double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-Point product(const Matrix3d& m, const Point& p)
-{
-    return {dot({m[0], m[1], m[2]}, p), dot({m[3], m[4], m[5]}, p), dot({m[6], m[7], m[8]}, p)};
-}
-
-Point cross(const Point& a, const Point& b)
-{
-    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
-Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
-
-Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-
-/// A transform that displaces a point p by `change` p + `shift`. The stretch in `polar` is about the point `place`.
-struct Displacement {
-    Matrix3d change;  // linear part minus the identity
-    Point shift, place;
-    Polar polar;
-};
-
-Displacement displacement_of(const Affine& transform, const Point& place, const Polar& polar)
-{
-    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, polar};
-    for (std::size_t row = 0; row < 3; ++row)
-        for (std::size_t column = 0; column < 3; ++column)
-            d.change[row * 3 + column] = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
-    return d;
-}
-
-/// Returns R p - p for a `point` p and the matrix R of a unit quaternion. The result is exactly 0 if R is the identity.
-Point rotation_displacement(const std::array<double, 4>& rotation, const Point& point)
-{
-    const Point v{rotation[1], rotation[2], rotation[3]}, around = cross(v, point);
-    const double w = rotation[0];
-    const Point half = cross(v, {w * point[0] + around[0], w * point[1] + around[1], w * point[2] + around[2]});
-    return {2 * half[0], 2 * half[1], 2 * half[2]};
-}
-
-/// Returns R M R for the matrices M = `m` and R = `reflection`.
-Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
-{
-    Matrix3d half{}, result{};
-    for (std::size_t i = 0; i < 9; ++i)
-        for (std::size_t k = 0; k < 3; ++k) half[i] += reflection[i / 3 * 3 + k] * m[k * 3 + i % 3];
-    for (std::size_t i = 0; i < 9; ++i)
-        for (std::size_t k = 0; k < 3; ++k) result[i] += half[i / 3 * 3 + k] * reflection[k * 3 + i % 3];
-    return result;
-}
-
-/// Returns the displacement of R D R in Eq. (8), in which R is the reflection across the mirror plane.
-Displacement reflected(const Displacement& d, const Mirror& mirror)
-{
-    const Point& normal = mirror.normal;
-    Matrix3d reflection;
-    for (std::size_t i = 0; i < 9; ++i) reflection[i] = (i % 4 == 0 ? 1.0 : 0.0) - 2 * normal[i / 3] * normal[i % 3];
-    const Point across{2 * mirror.offset * normal[0], 2 * mirror.offset * normal[1], 2 * mirror.offset * normal[2]};
-
-    Displacement result = d;
-    result.change = reflected(d.change, reflection);
-    result.shift = product(reflection, sum(product(d.change, across), d.shift));
-    result.place = sum(product(reflection, d.place), across);
-    const auto& [w, x, y, z] = d.polar.rotation;
-    const Point axis = product(reflection, {x, y, z});
-    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a reflection reverses the direction of rotation
-    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
-    const Matrix3d stretch = reflected({xx, xy, zx, xy, yy, yz, zx, yz, zz}, reflection);
-    result.polar.stretch = {stretch[0], stretch[4], stretch[8], stretch[5], stretch[2], stretch[1]};
-    return result;
-}
-
-/// Negates the quaternion of `d` if its dot product with the quaternion of D_0 (`rest`) is negative. The blend
-/// of both quaternions then follows the shorter rotation from one to the other.
-void align(Displacement& d, const Displacement& rest)
-{
-    double cosine = 0;
-    for (std::size_t k = 0; k < 4; ++k) cosine += d.polar.rotation[k] * rest.polar.rotation[k];
-    if (cosine >= 0) return;
-    for (double& entry : d.polar.rotation) entry = -entry;
-}
-
-bool has_stretch(const Displacement& d)
-{
-    return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
-}
-
-/// Appends the entries of a transform (see `entries_of`) to `table`. They apply to points relative to `center`.
-void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
-{
-    if (blend == Blend::linear) {
-        const Point shift = sum(d.shift, product(d.change, center));
-        for (std::size_t row = 0; row < 3; ++row) {
-            table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
-            table.push_back(shift[row]);
-        }
-        return;
-    }
-    const auto& q = d.polar.rotation;
-    const Point arm = difference(center, d.place);
-    const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
-    table.push_back(q[0] - 1);
-    table.insert(table.end(), q.begin() + 1, q.end());
-    table.push_back(-0.5 * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]));
-    for (std::size_t k = 0; k < 3; ++k) {
-        const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
-        table.push_back(0.5 * (q[0] * t[k] + t[a] * q[b + 1] - t[b] * q[a + 1]));
-    }
-    if (!stretched) return;
-    table.insert(table.end(), d.polar.stretch.begin(), d.polar.stretch.end());
-    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
-    const Point shift = product({xx, xy, zx, xy, yy, yz, zx, yz, zz}, arm);
-    table.insert(table.end(), shift.begin(), shift.end());
-}
-
-/// Replaces `table` (H, entries) by `mixing` · `table`. Blending is linear in the entries, so the effect is the same as
-/// that of weights · `mixing`.
-void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
-{
-    if (motion.mixing.empty() || table.empty()) return;
-    const std::size_t count = motion.transforms.size();
-    const std::vector<double> given = table;
-    for (std::size_t m = 0; m < count; ++m) {
-        for (std::size_t e = 0; e < entries; ++e) {
-            double& entry = table[m * entries + e] = 0;
-            for (std::size_t k = 0; k < count; ++k) entry += motion.mixing[m * count + k] * given[k * entries + e];
-        }
-    }
-}
-
-template <class T>
-std::vector<T> narrowed(const std::vector<double>& numbers)
-{
-    std::vector<T> result;
-    result.reserve(numbers.size());
-    for (const double number : numbers) result.push_back(static_cast<T>(number));
-    return result;
-}
-
-/// The entries (see `entries_of`) that kernels blend. `rest` has the entries of D_0. `positive` and `negative` have the
-/// handles' entries for vertices on each side of the mirror plane. `shares` (H) are the row sums of `mixing`, or empty.
-template <class T>
-struct Tables {
-    std::vector<T> rest, positive, negative, shares;
-    bool stretched;
-
-    Tables(const Motion& motion, const Point& center)
-    {
-        std::vector<Displacement> given, mirrored;
-        const auto polar = [&](std::size_t k) { return motion.polar.empty() ? Polar{} : motion.polar[k]; };
-        const Displacement rest_displacement = displacement_of(motion.rest, center, polar(motion.transforms.size()));
-        for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
-            const Point& place = motion.places.empty() ? center : motion.places[k];
-            given.push_back(displacement_of(motion.transforms[k], place, polar(k)));
-            if (motion.mirror) mirrored.push_back(reflected(given.back(), *motion.mirror));
-        }
-        stretched = has_stretch(rest_displacement) || std::any_of(given.begin(), given.end(), has_stretch);
-        std::vector<double> positive_entries, negative_entries, rest_entries;
-        for (std::size_t k = 0; k < given.size(); ++k) {
-            align(given[k], rest_displacement);
-            if (motion.mirror) align(mirrored[k], rest_displacement);
-            const bool on_negative_side = motion.mirror && !motion.mirror->positive[k];
-            append(positive_entries, on_negative_side ? mirrored[k] : given[k], center, motion.blend, stretched);
-            if (!motion.mirror) continue;
-            append(negative_entries, on_negative_side ? given[k] : mirrored[k], center, motion.blend, stretched);
-        }
-        append(rest_entries, rest_displacement, center, motion.blend, stretched);
-        const std::size_t entries = entries_of(motion.blend, stretched);
-        mix(positive_entries, motion, entries);
-        mix(negative_entries, motion, entries);
-        rest = narrowed<T>(rest_entries);
-        positive = narrowed<T>(positive_entries);
-        negative = narrowed<T>(negative_entries);
-        const std::size_t count = motion.mixing.empty() ? 0 : given.size();
-        for (std::size_t m = 0; m < count; ++m) {
-            double share = 0;
-            for (std::size_t k = 0; k < count; ++k) share += motion.mixing[m * count + k];
-            shares.push_back(static_cast<T>(share));
-        }
-    }
-};
-
-template <class T>
-bool is_n_by_3(const Matrix<T>& matrix, std::size_t rows)
-{
-    return matrix.rows == rows && matrix.columns == 3;
-}
 
 template <class T>
 void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
@@ -229,18 +37,6 @@ void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
             "pose: `mixing` must be (H, H)");
 }
 
-void require_finite_transforms(const Motion& motion)
-{
-    for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
-        const Affine& transform = motion.transforms[k];
-        const auto found = std::find_if(transform.begin(), transform.end(), [](double x) { return !std::isfinite(x); });
-        if (found == transform.end()) continue;
-        const auto entry = static_cast<std::size_t>(found - transform.begin());
-        refuse("pose: `transforms` must be finite", *found, {k, entry / 4, entry % 4});
-    }
-    require_finite(Matrix<const double>{motion.rest.data(), 3, 4}, "pose", "default");
-}
-
 void require_finite_weights(const StridedMatrix<const float>& weights)
 {
     for (std::size_t i = 0; i < weights.rows; ++i)
@@ -259,38 +55,9 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     const std::size_t count = arrays.vertices.rows;
     if (count == 0) return;
 
-    Point center;
-    for (std::size_t axis = 0; axis < 3; ++axis) center[axis] = static_cast<double>(arrays.vertices.data[axis]);
+    const Point center = center_of(arrays);
     const Tables<T> tables(motion, center);
-
-    PoseJob<T> job;
-    job.vertices = arrays.vertices.data;
-    job.vertex_count = count;
-    job.weights = arrays.weights.data;
-    job.row_stride = arrays.weights.row_stride;
-    job.column_stride = arrays.weights.column_stride;
-    job.handle_count = motion.transforms.size();
-    job.overlap = motion.overlap;
-    job.blend = motion.blend;
-    job.stretched = tables.stretched;
-    job.positive = tables.positive.data();
-    job.negative = motion.mirror ? tables.negative.data() : nullptr;
-    const bool identity = std::all_of(tables.rest.begin(), tables.rest.end(), [](T entry) { return entry == 0; });
-    job.rest = identity || arrays.base.data != nullptr ? nullptr : tables.rest.data();
-    job.shares = tables.shares.empty() ? nullptr : tables.shares.data();
-    job.base = arrays.base.data;
-    job.normals = arrays.normals.data;
-    job.posed_normals = arrays.posed_normals.data;
-    job.posed = arrays.posed.data;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        job.center[axis] = static_cast<T>(center[axis]);
-        if (motion.mirror) job.normal[axis] = static_cast<T>(motion.mirror->normal[axis]);
-    }
-    if (motion.mirror) {
-        const auto& [normal, offset, band, sides] = *motion.mirror;
-        job.height = static_cast<T>(normal[0] * center[0] + normal[1] * center[1] + normal[2] * center[2] - offset);
-        job.steepness = band > 0 ? static_cast<T>(0.5 / band) : T{0};
-    }
+    const PoseJob<T> job = pose_job(arrays, motion, tables, center);
 
     const Scratch scratch(threads, pose_scratch(job.handle_count));
     PoseRange<T> pose_range;

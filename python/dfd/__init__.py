@@ -23,11 +23,13 @@ from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.posing.pose import Drag, pose
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures, compact
+from dfd.weights.skinning import skinning
 
 if _typing.TYPE_CHECKING:
     from dfd import samples
     from dfd.distillation.distill import distill
     from dfd.distillation.settings import DistillSettings
+    from dfd.editing.correspond import correspond
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit_file import edit_schema
     from dfd.editing.key_pose import KeyPose
@@ -38,6 +40,7 @@ if _typing.TYPE_CHECKING:
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.pictures.notebook import show
+    from dfd.posing.transforms import Transform
     from dfd.segmentation.parts import Parts, parts
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.search import symmetry_planes
@@ -63,7 +66,8 @@ __all__ = [
     "symmetry_planes",
 ]
 # Experimental names: they may change with any version.
-__all__ += ["Drag", "KeyPose", "Parts", "VertexField", "export_rig", "export_weights", "parts", "show"]
+__all__ += ["Drag", "KeyPose", "Parts", "Transform", "VertexField", "correspond", "export_rig", "export_weights"]
+__all__ += ["parts", "show", "skinning"]
 
 # The module of each name whose module is imported at the first use of the name. These modules import torch, trimesh or
 # SciPy, which are slow to import. So `import dfd` and `dfd --help` are fast.
@@ -75,11 +79,13 @@ _LAZY = {
     "KeyPose": "dfd.editing.key_pose",
     "Mesh": "dfd.mesh.mesh",
     "Parts": "dfd.segmentation.parts",
+    "Transform": "dfd.posing.transforms",
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.edit_file",
     "export_rig": "dfd.export.export_rig",
+    "correspond": "dfd.editing.correspond",
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
     "parts": "dfd.segmentation.parts",
@@ -89,6 +95,12 @@ _LAZY = {
 
 
 def __getattr__(name: str) -> _typing.Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        from dfd.common.distribution import DISTRIBUTION
+
+        return version(DISTRIBUTION)
     if name == "samples":
         return _importlib.import_module(f"dfd.{name}")
     if name in _LAZY:

@@ -56,8 +56,8 @@ CALLS: dict[str, Callable[..., Any]] = {
     "bent handle": lambda a, b, c: turned(bend=a, twist=b, joint=c),
     "controls": lambda a, b, c: turned(reach=a, mask=b, excluded_counterparts=c, rotation=(0, 90, 0)),
     "numbers": lambda a, b, c: turned(falloff=a, locality=b, strength=c, rotation=(0, 90, 0)),
-    "planes": lambda a, b, c: [plane.normal for plane in dfd.symmetry_planes(dfd.VertexField(MESH, a), MESH)],
-    "parts": lambda a, b, c: dfd.parts(dfd.VertexField(MESH, a), MESH).part(b).vertices,
+    "planes": lambda a, b, c: [plane.normal for plane in dfd.symmetry_planes(MESH, dfd.VertexField(MESH, a))],
+    "parts": lambda a, b, c: dfd.parts(MESH, dfd.VertexField(MESH, a)).part(b).vertices,
     "field": lambda a, b, c: dfd.VertexField(MESH, a)(b),
     "session": lambda a, b, c: moved(dfd.VertexField(MESH, a), b, c),
 }
@@ -82,8 +82,8 @@ def whole_shape(mesh: dfd.Mesh, at: Any) -> list[float]:
     """Return values computed from a whole shape, and at points on it."""
     field = field_of(mesh)
     distances = dfd.Geodesics(mesh).distances(at)
-    planes = [number for plane in dfd.symmetry_planes(field, mesh) for number in plane.normal]
-    parts = [part.share for part in dfd.parts(field, mesh).cut()]
+    planes = [number for plane in dfd.symmetry_planes(mesh, field) for number in plane.normal]
+    parts = [part.share for part in dfd.parts(mesh, field).cut()]
     return [float(np.nan_to_num(distances, posinf=0).sum()), *planes, *parts]
 
 

@@ -104,8 +104,8 @@ def export_mesh(path: Path) -> None:
     session.add(0, translation=(0, 0.1, 0), counterparts="shared_pivot")  # without planes, which take most of the time
     calls: dict[str, Callable[[Path], object]] = {
         **{name: partial(dfd.export_rig, session, form=form) for name, form in EXPORTS},
-        "parts.obj": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
-        "parts.glb": lambda to: export_parts(mesh, dfd.parts(session.field, mesh).cut(), to),
+        "parts.obj": lambda to: export_parts(mesh, dfd.parts(mesh, session.field).cut(), to),
+        "parts.glb": lambda to: export_parts(mesh, dfd.parts(mesh, session.field).cut(), to),
     }
     with tempfile.TemporaryDirectory() as folder:
         for name, call in calls.items():

@@ -66,7 +66,7 @@ def _bound(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random
 
 
 def _symmetries(mesh: Mesh, field: Field) -> list[SymmetryPlane]:
-    planes = symmetry_planes(field, mesh)
+    planes = symmetry_planes(mesh, field)
     for plane in planes:
         assert _within(np.linalg.norm(plane.normal), 1 - 1e-6, 1 + 1e-6)
         assert np.isfinite([plane.offset, plane.band, plane.score]).all()

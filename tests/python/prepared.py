@@ -8,7 +8,7 @@ import dfd
 
 def sessions_on(mesh: dfd.Mesh, field: dfd.Field, features: Any) -> Callable[..., dfd.Deformer]:
     """Return a function that makes a session without handles, with a preset."""
-    planes = dfd.symmetry_planes(field, mesh)
+    planes = dfd.symmetry_planes(mesh, field)
     parts = dfd.Deformer(mesh, field, features=features).bound.prepare(planes)
 
     def session(preset: Any = "default") -> dfd.Deformer:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import json
 import re
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+import dfd
 from dfd.common.distribution import DISTRIBUTION
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,6 +32,10 @@ def test_the_distribution_has_one_name():
 def test_no_page_promises_a_release_that_does_not_exist():
     for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
         assert not re.search(rf'pip install "?{DISTRIBUTION}\b', page.read_text("utf-8")), page
+
+
+def test_the_package_knows_its_version():
+    assert dfd.__version__ == importlib.metadata.version(PROJECT["project"]["name"])
 
 
 def test_the_changelog_has_the_version():

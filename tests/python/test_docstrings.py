@@ -24,7 +24,7 @@ sys.path.append(str(ROOT / "docs"))
 with_sections = importlib.import_module("tools.docstrings").with_sections
 
 KNOWN = {"Attributes", "Parameters", "Returns", "Raises", "Warns", "Notes", "Examples"}
-KEYWORDS = {*CONTROLS, *MOTIONS, *DistillSettings.model_fields}  # `**` of public functions
+KEYWORDS = {"matrix", *CONTROLS, *MOTIONS, *DistillSettings.model_fields}  # `**` of public functions
 SELF = {"self", "cls"}
 
 

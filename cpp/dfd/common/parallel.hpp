@@ -70,10 +70,30 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 #endif
 }
 
+/// Calls `work(worker, task)` for each task in [0, `count`), as `parallel_for` does, and `poll` after each task of
+/// worker 0. A single worker runs without OpenMP, and so also in a forked process. `work` must not throw.
+/// @throws Stopped if `poll` returned true
+template <class Work>
+void parallel_tasks(std::size_t count, std::size_t workers, const Work& work, const Poll& poll = {})
+{
+    std::atomic<bool> stopped = false;
+    const auto take_task = [&](std::size_t worker, std::size_t task) {
+        if (stopped.load(std::memory_order_relaxed)) return;
+        work(worker, task);
+        if (worker == 0 && poll && poll()) stopped.store(true, std::memory_order_relaxed);
+    };
+    if (workers <= 1) {
+        for (std::size_t task = 0; task < count; ++task) take_task(0, task);
+    } else {
+        parallel_for(count, workers, take_task);
+    }
+    if (stopped) throw Stopped();
+}
+
 /// Calls `work(worker, begin, end)` for ranges that cover [0, `count`). The number of workers is at most `threads`, and
 /// at most `count` / `grain`. The length of each range except the last is a multiple of 16. Each worker gets several
 /// ranges, so that a slow worker hardly delays the result. A range has at most about 512 · `grain` indices, so that
-/// `poll` is called often. `work` must not throw. A single worker runs without OpenMP, and so also in a forked process.
+/// `poll` is called often. `work` must not throw.
 /// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
@@ -85,19 +105,11 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
         workers == 1 ? count : (count + workers * ranges_per_worker - 1) / (workers * ranges_per_worker);
     const std::size_t range = (std::min(share, longest * grain) + alignment - 1) / alignment * alignment;
     const std::size_t ranges = count == 0 ? 0 : (count - 1) / range + 1;
-    std::atomic<bool> stopped = false;
     const auto take_range = [&](std::size_t worker, std::size_t index) {
-        if (stopped.load(std::memory_order_relaxed)) return;
         const std::size_t begin = index * range;
         work(worker, begin, std::min(begin + range, count));
-        if (worker == 0 && poll && poll()) stopped.store(true, std::memory_order_relaxed);
     };
-    if (workers == 1) {
-        for (std::size_t index = 0; index < ranges; ++index) take_range(0, index);
-    } else {
-        parallel_for(ranges, workers, take_range);
-    }
-    if (stopped) throw Stopped();
+    parallel_tasks(ranges, workers, take_range, poll);
 }
 
 /// Returns the number of threads in the OpenMP team for a loop on `threads` threads, or 0 if there is no team.

@@ -10,6 +10,8 @@
     unsigned bind_bytes(const BindJob&, std::size_t, std::size_t, float*);                               \
     bool pose_float(const PoseJob<float>&, std::size_t, std::size_t, float*);                            \
     bool pose_double(const PoseJob<double>&, std::size_t, std::size_t, float*);                          \
+    void pose_gradients_float(const PoseGradientJob<float>&, std::size_t, std::size_t, float*, double*); \
+    void pose_gradients_double(const PoseGradientJob<double>&, std::size_t, std::size_t, float*, double*); \
     void field(const FieldJob&, std::size_t, std::size_t, float*);                                       \
     }
 DFD_DECLARE_VARIANT(baseline)
@@ -21,7 +23,7 @@ namespace {
 
 #define DFD_KERNELS(variant)                                                                              \
     Kernels{#variant, variant::bind_rows, variant::bind_halves, variant::bind_bytes, variant::pose_float, \
-            variant::pose_double, variant::field}
+            variant::pose_double, variant::pose_gradients_float, variant::pose_gradients_double, variant::field}
 
 std::vector<Kernels> available()
 {

@@ -134,6 +134,40 @@ using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t
 
 constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
 
+/// The gradients of a linear blend. A null pointer is a gradient that is not wanted.
+template <class T>
+struct PoseGradientJob {
+    PoseJob<T> pose;              // a linear blend without `shares`, `base`, `normals` and `posed`
+    const T* posed = nullptr;     // (V, 3) gradient with respect to the posed vertices
+    T* vertices = nullptr;        // (V, 3) gradient with respect to the vertices
+    T* weights = nullptr;         // gradient with respect to weights; entry (i, j) as in BindJob
+    std::size_t row_stride = 0, column_stride = 0;
+    bool transforms = false;      // whether the gradients with respect to the entries of transforms are wanted
+};
+
+/// Number of vertices whose products are summed in registers.
+constexpr std::size_t gradient_tile = 128;
+
+/// Number of entries of the table of gradients: (2, H + 1, 12) for the positive and the negative side of the mirror
+/// plane. Row H is for D_0. Without a mirror plane, the second side is zero.
+constexpr std::size_t gradient_entries(std::size_t handle_count) { return 2 * 12 * (handle_count + 1); }
+
+/// Writes the gradients at the vertices [begin, end). Their sum for the entries of the transforms is written to `table`
+/// (see `gradient_entries`) if it is wanted.
+template <class T>
+using PoseGradientRange = void (*)(const PoseGradientJob<T>& job, std::size_t begin, std::size_t end, float* scratch,
+                                   double* table);
+
+/// Number of floats of scratch memory for `PoseGradientRange`, for a type of `bytes` bytes.
+constexpr std::size_t pose_gradient_scratch(std::size_t handle_count, std::size_t bytes)
+{
+    constexpr std::size_t line = 64;  // bytes of the widest vectors
+    const std::size_t products = (2 * 12 + 1) * gradient_tile * bytes;
+    const std::size_t weights = gradient_tile * handle_count * sizeof(float);
+    const std::size_t weight_gradients = block_size * handle_count * bytes;
+    return (products + weights + weight_gradients + gradient_entries(handle_count) * line) / sizeof(float);
+}
+
 /// A field evaluates `field_points` points together. A group of `FieldLayer` has `field_group` outputs.
 constexpr std::size_t field_points = 48, field_group = 8;
 
@@ -169,6 +203,8 @@ struct Kernels {
     BindRange bind_bytes;   // features (B, D / 4 + 1, 16, 4): D uint8 offset by 128, then the squared length as int32
     PoseRange<float> pose_float;
     PoseRange<double> pose_double;
+    PoseGradientRange<float> pose_gradients_float;
+    PoseGradientRange<double> pose_gradients_double;
     FieldRange field;
 };
 

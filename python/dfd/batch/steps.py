@@ -153,7 +153,7 @@ class _Work:
     def symmetry(self) -> None:
         """Write the mirror planes of the shape, the best first."""
         rules = PRESETS[self.settings.preset or "default"]
-        planes = symmetry_planes(self.field, self.mesh, candidates=rules.candidates, threshold=rules.threshold)
+        planes = symmetry_planes(self.mesh, self.field, candidates=rules.candidates, threshold=rules.threshold)
         self.write_json("symmetry.json", [asdict(plane) for plane in planes])
         self.figures["symmetry_planes"] = len(planes)
 
@@ -201,7 +201,7 @@ class _Work:
 
     def parts(self) -> None:
         """Write the parts and the part of each vertex. With the step "pictures", also write a picture of the parts."""
-        found = parts_of(self.field, self.mesh).cut()
+        found = parts_of(self.mesh, self.field).cut()
         self.write_json("parts.json", cut_document(found))
         self.figures["parts"] = len(found)
         if "pictures" in self.settings.steps:

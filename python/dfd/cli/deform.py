@@ -1,5 +1,6 @@
 """The command `dfd deform`: deform one shape by handles, or several shapes by one edit."""
 
+import json
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,6 +63,17 @@ def deform(
             " relative (dfd's default) compares the difference with the spread of the features.",
         ),
     ] = None,
+    fit: Annotated[
+        Path | None,
+        Option(
+            metavar="JSON|MESH",
+            help="Move the handles so that places arrive at targets: a JSON object of places and positions, such as"
+            ' {"top": [0, 2, 0]}, or a mesh file with the points of a scan, which attract the nearest surface.',
+        ),
+    ] = None,
+    fit_motion: Annotated[
+        str, Option(metavar="rigid|scale|affine", help="The motion of each handle with --fit.")
+    ] = "rigid",
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
     made_on: Annotated[
         Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.")
@@ -122,6 +134,7 @@ def deform(
     stages = Stages()
     shape = open_mesh(mesh, stages)
     check_edit(shape, held, fix, edit=edit, preset=preset, other_shape=force)
+    wanted = None if fit is None else read_targets(fit)
     plane = None if symmetry is None else re.sub("^([^=]*,[^=]*,[^=]*),([^=]*)$", r"\1=\2", symmetry)
     mirror = {name: value_of(value) for name, value in auto.items()}
     if plane is not None:
@@ -132,6 +145,10 @@ def deform(
         deformer.set_symmetry(plane, **mirror)
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
+    if wanted is not None:
+        with stages.stage("fit"):
+            found = deformer.fit(wanted, motion=fit_motion)  # type: ignore[arg-type]
+        say(f"dfd: fitted to {fit}: {found}")
     with stages.stage("deform"):
         vertices = deformer.vertices
     report = deformer.report()
@@ -156,6 +173,28 @@ def deform(
     say(f"{written}: {report}{'; the input was replaced' if replaced else ''}")
 
 
+def read_targets(path: Path) -> Any:
+    """Return the targets of `Deformer.fit` in a file: a dict of places and positions, or the points of a mesh (N, 3).
+
+    Raises OSError if `path` cannot be read, and ValueError if it is neither a mesh nor such a JSON object.
+    """
+    if path.suffix.lower() in MESH_ENDINGS:
+        from dfd.mesh.mesh import load
+
+        return load(path).vertices
+    try:
+        found = json.loads(path.read_text("utf-8"))
+    except ValueError as error:
+        raise ValueError(f"`--fit` {path} is no JSON file: {error}") from None
+    numbers = isinstance(found, dict) and all(
+        isinstance(to, list) and len(to) == 3 and all(isinstance(each, int | float) for each in to)
+        for to in found.values()
+    )
+    if not numbers or not found:
+        raise ValueError(f'`--fit` {path} must be an object of places and positions, such as {{"top": [0, 2, 0]}}')
+    return found
+
+
 _tables = options.from_table(MOTIONS, panel="Motion of a handle") | options.from_table(
     CONTROLS, panel="Controls of a handle"
 )
@@ -164,6 +203,7 @@ options.group_options(
     deform,
     {
         "Handle": ("handle", "name", "fix"),
+        "Fit": ("fit", "fit_motion"),
         "Symmetry": ("symmetry", "band", "symmetry_candidates", "symmetry_threshold"),
         "Output": ("output", "picture", "azimuth", "elevation", "zoom", "save_edit"),
     },

@@ -69,7 +69,7 @@ def demo(
         field.save(output / f"{name}.field.safetensors")
         mesh.save(output / f"{name}.glb")
         with stages.stage("symmetry"):
-            planes = symmetry_planes(field, mesh)
+            planes = symmetry_planes(mesh, field)
         mirrors = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
         images, features = render(mesh, views=24, resolution=320).images, field.features(mesh)
         draw = partial(picture, mesh, colors=feature_colors(features))

@@ -86,7 +86,7 @@ def inspect(
         lines.append(f"pixel {at[0]} {at[1]}: {shown}")
     if opened is not None:
         settings = {name: value for name, value in opened.settings.items() if name != "losses"}
-        planes = symmetry_planes(opened, shape)
+        planes = symmetry_planes(shape, opened)
         report["field"] = {"file": str(field), "dimension": opened.dimension, "settings": settings}
         report["symmetry_planes"] = [asdict(plane) for plane in planes]
         made = "".join(f", {settings[name]}" for name in ("encoder", "preset") if name in settings)
@@ -137,7 +137,7 @@ def parts(
     shape = open_mesh(mesh, stages)
     opened = open_field(shape, field, force=force, progress=stages)
     with stages.stage("parts"):
-        found = parts_of(opened, shape).cut()
+        found = parts_of(shape, opened).cut()
     document = cut_document(found)
     if output is not None and output.suffix.lower() != ".json":
         export_parts(shape, found, output)

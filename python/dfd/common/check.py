@@ -158,17 +158,25 @@ def field(function: str, value: Any) -> Any:
     return value
 
 
-def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
+def vertex_indices(
+    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False, wrap: bool = False
+) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
+
+    With `wrap`, `value` may have negative indices, which count from the end, or be a mask (`vertex_count`,) of bool.
 
     Raises ValueError for a wrong array shape or type, an index out of range or, with `unique`, a repeated index.
     """
     indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
         return np.zeros(0, np.int64)
+    if wrap and indices.shape == (vertex_count,) and indices.dtype.kind == "b":
+        return np.flatnonzero(indices)
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
         found = f"{_kind(value)} of shape {indices.shape}"
         raise ArgumentError(name, f"must be a list of vertex indices, got {found}", function)
+    if wrap and indices.dtype.kind == "i":
+        indices = np.where((indices < 0) & (indices >= -vertex_count), indices + vertex_count, indices)
     outside = (indices < 0) | (indices >= vertex_count)
     if outside.any():
         raise ArgumentError(name, f"must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}", function)

@@ -1,6 +1,7 @@
 """Convert torch tensors to NumPy arrays that share their memory, and back. This module never imports torch."""
 
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -17,15 +18,60 @@ def is_tensor(value: Any) -> bool:
 
 
 def tracked(*values: Any) -> bool:
-    """Return whether torch records gradients for at least one of `values`."""
+    """Return whether torch records gradients for one of `values`, or a transform of `torch.func` uses one.
+
+    This includes the tensors in lists and tuples.
+    """
     torch = sys.modules.get("torch")
-    if torch is None or not torch.is_grad_enabled():
+    if torch is None:
         return False
-    return any(isinstance(value, torch.Tensor) and value.requires_grad for value in values)
+    records, wrapped = torch.is_grad_enabled(), torch._C._functorch.is_functorch_wrapped_tensor
+
+    def is_tracked(value: Any) -> bool:
+        if isinstance(value, torch.Tensor):
+            return (records and value.requires_grad) or wrapped(value)
+        return isinstance(value, list | tuple) and any(map(is_tracked, value))
+
+    return any(map(is_tracked, values))
+
+
+def as_tensor(function: str, name: str, value: Any) -> Any:
+    """Return `value` as a tensor that torch can differentiate; None stays None.
+
+    Tensors in lists and tuples are stacked. Floats of 16 bits become float32, in which the kernels compute. The tensor
+    of a read-only array is a copy, because torch has no read-only tensors.
+
+    Raises ValueError as `shared` does, or if the tensors in a list have different shapes.
+    """
+    torch = sys.modules["torch"]
+    if value is None:
+        return None
+    if isinstance(value, list | tuple) and tracked(value):
+        items = [as_tensor(function, f"{name}[{k}]", each) for k, each in enumerate(value)]
+        if len({each.shape for each in items}) != 1:
+            raise ArgumentError(name, "must have items of one shape to have gradients", function)
+        return torch.stack([each.to(items[0].dtype) if each.is_floating_point() else each for each in items])
+    if isinstance(value, torch.Tensor):
+        if value.device.type != "cpu" or value.is_complex() or value.layout != torch.strided:
+            shared(function, name, value.detach())
+            raise ArgumentError(name, f"must be a dense array of numbers, got {value.dtype}", function)
+        return value.to(torch.float32) if value.dtype in (torch.float16, torch.bfloat16) else value
+    array = np.asarray(shared(function, name, value))
+    if array.dtype.kind not in "fiub":
+        raise ArgumentError(name, f"must be a numeric array, got {array.dtype}", function)
+    return torch.from_numpy(np.array(array, array.dtype.newbyteorder("=")))
+
+
+def unbatched(size: int, dimensions: Sequence[int | None], inputs: Sequence[Any]) -> list[list[Any]]:
+    """Return the inputs of each of the `size` calls in a batch of `torch.func.vmap`."""
+    pairs = list(zip(inputs, dimensions, strict=True))
+    return [[value if axis is None else value.select(axis, k) for value, axis in pairs] for k in range(size)]
 
 
 def shared(function: str | None, name: str, value: Any) -> Any:
     """Return `value`, or a NumPy array that shares its memory if `value` is a torch tensor on the CPU.
+
+    NumPy has no bfloat16, so a tensor of this type gives a new array of float32.
 
     Raises ValueError if `value` is a masked array, a tensor on another device, or a tensor of a type that NumPy lacks.
     """
@@ -43,6 +89,8 @@ def shared(function: str | None, name: str, value: Any) -> Any:
         raise ArgumentError(name, "must be dense, got a sparse tensor: pass `.to_dense()`", function)
     if value.device.type != "cpu":
         raise ArgumentError(name, f"must be on the CPU, got a tensor on {value.device}", function)
+    if value.dtype is sys.modules["torch"].bfloat16:
+        value = value.float()
     try:
         return value.detach().resolve_conj().resolve_neg().numpy()
     except (TypeError, RuntimeError, NotImplementedError):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.editing.fit import Fit, Motion, fit
 from dfd.editing.history import History
 from dfd.editing.influence import handle_features
 from dfd.editing.influence.counterparts import Counterpart
@@ -26,6 +27,7 @@ from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.editing.transfer import transfer
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
@@ -33,6 +35,11 @@ from dfd.posing.transforms import Transform
 from dfd.segmentation.follow import Follow
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from dfd.editing.keywords import ControlOptions, HandleOptions, MotionOptions
 
 
 class Deformer(History):
@@ -79,7 +86,7 @@ class Deformer(History):
     """
 
     # With slots, the assignment to an attribute with a misspelled name raises AttributeError.
-    __slots__ = ("__weakref__", "_features", "_next_id", "_shapes", "field", "mesh")
+    __slots__ = ("__weakref__", "_features", "_next_id", "_shapes", "_similarity", "field", "mesh")
     page: Callable[..., Any] | None = None  # the function that shows a session; `dfd` sets it to `dfd.app.show`
 
     @public
@@ -97,6 +104,7 @@ class Deformer(History):
         if features is None and not other_shape:
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._features = features
+        self._similarity: dict[int, float] = {}
         self._shapes: dict[bool, tuple[HandleWeights, PosedShape]] = {}
         self._start(Edit(preset=preset))
 
@@ -160,7 +168,7 @@ class Deformer(History):
         self._record(edit, topic, merge)
 
     @public
-    def add(self, at: Any, *, name: str | None = None, **given: Any) -> int:
+    def add(self, at: Any, *, name: str | None = None, **given: Unpack[HandleOptions]) -> int:
         """Add a handle at a place of the shape, and return the handle's id.
 
         Without a motion, the handle takes over the motion that its component has, so that nothing moves.
@@ -175,7 +183,8 @@ class Deformer(History):
         translation
             (3,) in mesh units.
         rotation
-            (3,) rotation vector in degrees (axis times angle, right-handed), or a quaternion (x, y, z, w).
+            (3,) rotation vector in degrees (axis times angle, right-handed), a quaternion (x, y, z, w), or a
+            `scipy.spatial.transform.Rotation`.
         scale
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
@@ -205,6 +214,9 @@ class Deformer(History):
         open
             Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
             `open` sets `rotation` and `pivot`.
+        matrix
+            (3, 4) or (4, 4) affine matrix in mesh units, in place of translation, rotation, scale and axes. The handle
+            stores its polar decomposition about the pivot.
         name
             The name for display.
         reach, level, follow, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask,
@@ -225,17 +237,68 @@ class Deformer(History):
         return new
 
     @public
-    def move(self, handle: int, *, merge: bool = False, **given: Any) -> None:
+    def move(self, handle: int, *, merge: bool = False, **given: Unpack[MotionOptions]) -> None:
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
-        The arguments are those of `add`, from `translation` to `open`. "auto" resets `pivot` or `axes` to its default.
-        With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's border.
-        The band widens if the border moves, but only inside the limb if the motion lengthens it.
+        The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its
+        default. With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's
+        border. The band widens if the border moves, but only inside the limb if the motion lengthens it.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
         edit = verbs.move(self.edit, self.bound, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
+
+    @public
+    def fit(
+        self, targets: Any, *, handles: Sequence[int] | None = None, motion: Motion = "rigid", merge: bool = False
+    ) -> Fit:
+        """Move handles so that chosen vertices, or the surface, arrive at given positions, and return the distances.
+
+        The motions begin from rest. They minimize the squared distances from the targets. If several motions do so, the
+        smallest is chosen: a motion that no target determines stays almost 0. One call is one step of the history.
+
+        Parameters
+        ----------
+        targets
+            A mapping of places to positions (3,) in mesh units. A place is a vertex index, a point or a text, as in
+            `add`, and stands for the vertex at it or nearest to it. Or a pair: vertex indices (N,) and positions
+            (N, 3). Or the points (N, 3) of a scan, each of which attracts the nearest point of the surface.
+        handles
+            The ids of the handles that may move; None stands for all handles of the session.
+        motion
+            The motion of each handle: "rigid" has a translation and a rotation. "scale" also has one factor of scale,
+            and "affine" any linear map, which also shears.
+
+        Returns
+        -------
+        fit
+            The mean and the largest distance from the targets, the mean distance before the fit, and the undetermined
+            motions of each handle.
+
+        Raises ValueError if there is no handle or no target, a position is not finite, a place is a region or not on
+        the shape, or no handle moves a target. Warns of motions that the targets do not determine.
+
+        Examples
+        --------
+        >>> import dfd
+        >>> mesh = dfd.samples.chair().mesh
+        >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+        >>> back = session.add("top")
+        >>> marks = session.weights[:, 0].argsort()[-900::100]  # vertices that follow the handle
+        >>> found = session.fit((marks, mesh.vertices[marks] + (0, 0.1, 0)))
+        >>> found.largest < 1e-4
+        True
+        """
+        fitted, found = fit(self.edit, self.bound, targets, handles, motion)
+        self._commit(fitted, "fit", merge, rebinds=False)
+        if found.undetermined:
+            told = ", ".join(f"handle {handle}: {' and '.join(names)}" for handle, names in found.undetermined.items())
+            check.warn(
+                f"Deformer.fit: `targets` do not determine all motions ({told}); these are as small as possible",
+                UserWarning,
+            )
+        return found
 
     def bend(
         self, handle: int, angle: ArrayLike, *, towards: Any = None, joint: Any = None, merge: bool = False
@@ -253,7 +316,13 @@ class Deformer(History):
 
     @public
     def change(
-        self, handle: int, *, at: Any = None, name: str | None = None, merge: bool = False, **controls: Any
+        self,
+        handle: int,
+        *,
+        at: Any = None,
+        name: str | None = None,
+        merge: bool = False,
+        **controls: Unpack[ControlOptions],
     ) -> None:
         """Set the place, the controls or the name of a handle, as in `add`. Values that are left out do not change.
 
@@ -268,6 +337,43 @@ class Deformer(History):
     def remove(self, handle: int, *, merge: bool = False) -> None:
         """Remove a handle. Raises ValueError if there is no such handle."""
         self._commit(self.edit.removed(handle), ("handle", handle), merge)
+
+    @public
+    def transfer(self, mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
+        """Return a session on another `mesh` of the same class, with this edit, transferred to the most similar places.
+
+        `field` is the feature field of `mesh`.
+
+        A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
+        similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity
+        of each place. `features` are those of `Deformer`.
+
+        Raises ValueError if the fields have different encoders or dimensions, two handles move to the same vertex, or
+        a region contains no vertex of `mesh`.
+
+        Examples
+        --------
+        >>> import dfd
+        >>> mesh, other = dfd.samples.chair().mesh, dfd.samples.chair(8_000).mesh
+        >>> session = dfd.Deformer(mesh, dfd.distill(mesh))
+        >>> foot = session.add("0.225,0,0.235", translation=(0, -0.2, 0))
+        >>> twin = session.transfer(other, dfd.distill(other))
+        >>> twin.similarity[foot] > 0.5
+        True
+        """
+        other = Deformer(mesh, field, preset=self.preset, features=features)
+        found = transfer(self.edit, self.mesh, self.field, other.mesh, other.field)
+        other._start(found.edit)
+        other._similarity = found.similarity
+        return other
+
+    @property
+    def similarity(self) -> dict[int, float]:
+        """Return the similarity, in [0, 1], of each transferred handle, by its id; it is empty without `transfer`.
+
+        It is the cosine between the features at the handle's place on both shapes, each minus the mean of its shape.
+        """
+        return dict(self._similarity)
 
     @public
     def apply(self, edit: Edit, *, merge: bool = False) -> None:
@@ -488,7 +594,7 @@ class Deformer(History):
 
         If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. This
         causes a warning if the edit was made on another mesh. `other_shape` accepts an edit or a field of another
-        shape, and keeps all positions and lengths. To transfer an edit by features, use `dfd.editing.transfer`.
+        shape, and keeps all positions and lengths. `transfer` transfers an edit by features.
 
         Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
         """

@@ -239,7 +239,7 @@ def symmetry_on(
         band = band_on(mesh, preset)
     if plane == "auto" and field is not None:
         threshold = defaults.threshold if threshold is None else threshold
-        found = symmetry_planes(field, mesh, candidates=candidates or defaults.candidates, threshold=threshold)
+        found = symmetry_planes(mesh, field, candidates=candidates or defaults.candidates, threshold=threshold)
         if not found:
             advice = "; distill with preset='paper', mirrored=True for lower scores"
             known = preset == "paper" and field.settings.get("mirrored") is False

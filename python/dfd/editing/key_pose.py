@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Any
 
+import numpy as np
+
 from dfd.common import check
 from dfd.common.described import About, Written, about
 from dfd.common.errors import ArgumentError
@@ -45,7 +47,8 @@ class KeyPose:
     seconds
         Time of the pose in the animation.
     transforms
-        A transform for each handle that moves, by the handle's id. All other handles are at rest.
+        A `dfd.Transform` for each handle that moves, by the handle's id, or an affine matrix (3, 4) or (4, 4) in mesh
+        units. All other handles are at rest.
     name
         Name for display. A glTF file has it only as the name of a morph target.
 
@@ -73,11 +76,16 @@ class KeyPose:
             given = {each.handle: each.transform for each in given}
         if not isinstance(given, Mapping):
             raise ArgumentError("transforms", f"must be a mapping, got {type(given).__name__}", "KeyPose")
+        found = {}
         for handle, transform in given.items():
             check.whole("KeyPose", "transforms", handle, minimum=1)
             if not isinstance(transform, Transform):
-                raise ArgumentError("transforms", f"must hold transforms, got {type(transform).__name__}", "KeyPose")
-        keep(self, "transforms", MappingProxyType(dict(given)))
+                if np.ndim(transform) != 2:
+                    must = f"must hold transforms or matrices (3, 4), got {type(transform).__name__}"
+                    raise ArgumentError("transforms", must, "KeyPose")
+                transform = Transform.of_matrix(transform)
+            found[handle] = transform
+        keep(self, "transforms", MappingProxyType(found))
 
     def __hash__(self) -> int:
         return hash((self.seconds, tuple(self.transforms.items()), self.name))

@@ -78,7 +78,8 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     """Return the place that `at` names on a mesh.
 
     `at` is a vertex index, a point (3,) in mesh units on or off the surface, an array of vertex indices, a mask (V,)
-    of bool, a region, a text (see `find`), or a `Place`. The vertex or region of a `Place` gives a position on `mesh`.
+    of bool, a region, a text (see `find`), or a `Place`. Negative indices count from the end. The vertex or region of a
+    `Place` gives a position on `mesh`.
 
     Raises ValueError if `at` is none of these, or a region contains no vertex. Raises ValueError if the distance of a
     point from the nearest vertex exceeds the diagonal of the bounding box.
@@ -101,7 +102,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     if np.ndim(at) == 0:
         if isinstance(at, bool) or not isinstance(at, int | np.integer):
             raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, got {at!r}")
-        vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices))[0])
+        vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices), wrap=True)[0])
         return Place(vector("at", mesh.vertices[vertex]), vertex)
     point = vector("at", at)
     try:
@@ -139,7 +140,7 @@ def find(mesh: Mesh, text: str) -> Found:
             vertex, distance = nearest_vertex(mesh, vector("at", [float(number) for number in said.split(",")]))
             note = f"{said} is vertex {vertex}, {distance:.3g} away"
         else:
-            vertex = int(said)
+            vertex = int(check.vertex_indices("place", "at", [int(said)], len(mesh.vertices))[0])
             note = f"vertex {vertex}"
     except ArgumentError:
         raise

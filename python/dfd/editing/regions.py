@@ -164,7 +164,7 @@ class VertexSet(ReadOnlyArrays):
         values = np.asarray(chosen)
         if values.dtype == bool:
             values = np.flatnonzero(check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool))
-        indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
+        indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices), wrap=True))
         return cls(indices, mesh.vertices[indices], len(mesh.vertices))
 
     @cached_property

@@ -61,6 +61,12 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     Raises ValueError if the fields have different encoders, two handles move to the same vertex, or a region contains
     no vertex of `mesh_to`.
     """
+    check_fields(field_from, field_to)
+    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
+
+
+def check_fields(field_from: Field, field_to: Field) -> None:
+    """Raise ValueError if the features of two fields cannot be compared."""
     if field_from.dimension != field_to.dimension:
         raise ArgumentError(
             "field_to",
@@ -71,7 +77,6 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
         was, found = field_from.settings.get(key), field_to.settings.get(key)
         if was is not None and found is not None and was != found:
             raise ArgumentError("field_to", f"must have the same {key} as `field_from`, {was}, got {found}")
-    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
 
 
 class EditTransfer:
@@ -79,7 +84,7 @@ class EditTransfer:
 
     def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
-        self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
+        self.mean_from, self.mean_to = mean_feature(mesh_from, field_from), mean_feature(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
         self.rows = HandleFeatures(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
@@ -201,7 +206,7 @@ class EditTransfer:
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
-def _mean(mesh: Mesh, field: Field) -> Float64:
+def mean_feature(mesh: Mesh, field: Field) -> Float64:
     """Return the mean feature (D,) of surface samples; 0 for a mesh without area."""
     if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
         return np.zeros(field.dimension)

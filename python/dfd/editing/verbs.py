@@ -17,8 +17,10 @@ from dfd.editing.influence.bendable_parts import bend_vector, pivot_on
 from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import VertexSet
-from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal
+from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
+
+OF_MATRIX = ("translation", "rotation", "scale", "axes", "open")  # the motions that `matrix` determines
 
 
 def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
@@ -26,6 +28,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
 
     Without a given motion, the handle takes over the motion of the component on which it lies. So nothing moves.
     """
+    matrix = _taken_matrix(given)
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at, given.get("level") or 0)
     parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
@@ -33,18 +36,46 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
     transform = _transform(Transform(), weights, place, parts)
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
     new = Handle(handle, place, transform, controls, name)
-    if all(value is None for value in parts.values()):
+    if matrix is None and all(value is None for value in parts.values()):
         new = replace(new, transform=weights.taken_over(edit, new))
     added = replace(edit, handles=(*edit.handles, new))
-    return _on_part(added, weights, handle, parts, Transform())
+    return _with_matrix(_on_part(added, weights, handle, parts, Transform()), handle, matrix)
 
 
 def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
     """Return `edit` with the `given` values in the transform of a handle."""
+    given = dict(given)
+    matrix = _taken_matrix(given)
     check.keywords(given, MOTIONS, "motion of a handle")
     held = edit.handle(handle)
     moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
-    return _on_part(moved, weights, handle, given, held.transform)
+    return _with_matrix(_on_part(moved, weights, handle, given, held.transform), handle, matrix)
+
+
+def _taken_matrix(given: dict[str, Any]) -> Any:
+    """Take `matrix` out of the `given` motions, and return it. Its rotation, scale and axes replace it.
+
+    Rotations of SciPy become rotation vectors. Raises ValueError if a motion that `matrix` determines is also given.
+    """
+    for name in ("rotation", "bend"):
+        if name in given:
+            given[name] = rotvec_of(given[name])
+    matrix = given.pop("matrix", None)
+    if matrix is None:
+        return None
+    if twice := [name for name in OF_MATRIX if given.get(name) is not None]:
+        raise ArgumentError("matrix", f"must not be given with `{twice[0]}`")
+    made = Transform.of_matrix(matrix)
+    given |= {"rotation": made.rotation, "scale": made.scale, "axes": "auto" if made.axes is None else made.axes}
+    return matrix
+
+
+def _with_matrix(edit: Edit, handle: int, matrix: Any) -> Edit:
+    """Return `edit`, in which `matrix` (3, 4), unless it is None, moves a handle, about the pivot that was chosen."""
+    if matrix is None:
+        return edit
+    held = edit.handle(handle)
+    return edit.replaced(replace(held, transform=held.transform.with_matrix(matrix, held.place.position)))
 
 
 def change(

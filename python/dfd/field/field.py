@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import importlib
 import os
 import warnings
 from collections.abc import Mapping
@@ -257,6 +258,8 @@ class Field(ReadOnlyArrays):
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is not a file")
         architecture, arrays, settings = field_file.read(path)
+        if architecture is None:
+            return _of_vertices(path, arrays, settings, mesh, other_shape=other_shape)
         stored = [name for name in arrays if name.startswith(RESIDUALS)]
         residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
         others: dict[str, Any] = {"center": (), "scale": (), "surface": None}
@@ -278,6 +281,28 @@ class Field(ReadOnlyArrays):
                 check_compatible(field, mesh, allowed_by="other_shape=True")
         field.source = FieldSource.of(path)
         return field
+
+
+def _of_vertices(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, NDArray[Any]],
+    settings: Mapping[str, Any],
+    mesh: Mesh | None,
+    *,
+    other_shape: bool,
+) -> Field:
+    """Return the `VertexField` with the `arrays` of a file; the other arguments and the errors are those of `load`."""
+    module = importlib.import_module("dfd.field.vertex_field")  # it imports this module for its base class `Field`
+    try:
+        field: Field = module.VertexField.of_arrays(arrays, settings)
+    except ArgumentError as error:
+        reason = f"{os.fspath(path)} is damaged: `{error.argument}` {error.reason}"
+        raise ArgumentError("path", reason, "Field.load") from error
+    if mesh is not None and not other_shape:
+        with called("Field.load"):
+            check_compatible(field, mesh, allowed_by="other_shape=True")
+    field.source = FieldSource.of(path)
+    return field
 
 
 class FieldOnMesh:

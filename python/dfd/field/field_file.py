@@ -20,22 +20,25 @@ VERSION = 1
 
 def write(
     path: str | os.PathLike[str],
-    architecture: Architecture,
+    architecture: Architecture | None,
     arrays: Mapping[str, NDArray[Any]],
     settings: Mapping[str, Any],
 ) -> None:
-    """Write a field atomically; raises the errors of `Field.save`."""
+    """Write a field atomically; raises the errors of `Field.save`. A `VertexField` has no architecture."""
     metadata = {
         "format": FORMAT,
         "version": str(VERSION),
-        "network": json.dumps(asdict(architecture)),
+        "network": json.dumps(None if architecture is None else asdict(architecture)),
         "settings": json.dumps(settings, sort_keys=True),
     }
     write_file(path, with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
 
 
-def read(path: str | os.PathLike[str]) -> tuple[Architecture, dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return the architecture, the arrays and the settings of a field file; raises the errors of `Field.load`."""
+def read(path: str | os.PathLike[str]) -> tuple[Architecture | None, dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the architecture, the arrays and the settings of a field file; raises the errors of `Field.load`.
+
+    The architecture of a `VertexField` is None.
+    """
     data = Path(path).read_bytes()
     try:
         try:
@@ -66,7 +69,7 @@ def _metadata(content: bytes) -> dict[str, str]:
     return {name: text for name, text in found.items() if isinstance(text, str)} if isinstance(found, dict) else {}
 
 
-def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
+def _header(metadata: Mapping[str, str]) -> tuple[Architecture | None, dict[str, Any]]:
     """Return the architecture and the settings in the metadata."""
     if metadata.get("format") != FORMAT:
         raise ValueError("is a safetensors file, but not a field")
@@ -76,6 +79,6 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
         network, settings = json.loads(metadata["network"]), json.loads(metadata["settings"])
         if not isinstance(settings, dict):
             raise TypeError(f"settings must be an object, got {type(settings).__name__}")
-        return Architecture(**network), settings
+        return None if network is None else Architecture(**network), settings
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"has an unreadable header: {error}") from error

@@ -1,4 +1,4 @@
-"""Define a field by given features of the vertices of a mesh."""
+"""Define a field by given features of the vertices or faces of a mesh, or of points."""
 
 from __future__ import annotations
 
@@ -8,21 +8,24 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import Float32
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.field import field_file
 from dfd.field.field import Field
 from dfd.geometry.normalization import normalization
-from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.geometry.topology import face_areas
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 
 ROWS_AT_ONCE = 1 << 16  # number of rows that are scaled at a time, to limit memory
 
 
 class VertexField(Field):
-    """A field from given features of the vertices of one mesh. Any point has the feature of the nearest vertex.
+    """A field from given features of one mesh. Any point has the feature of the nearest vertex.
 
     There is no network, so weights follow exactly from the given features. All vertices at one position get the feature
     of the first of these vertices, so that UV seams stay closed.
@@ -30,13 +33,19 @@ class VertexField(Field):
     Parameters
     ----------
     mesh
-        The mesh to whose vertices `features` belong.
+        The mesh to which `features` belong.
     features
-        (V, D) array with one row per vertex. Rows are scaled to unit length.
+        (V, D) array with one row per vertex. Rows are scaled to unit length. Rows of zeros, such as those of vertices
+        that no picture shows, are filled from neighbors along the surface.
     settings
         A description of the source of the features, as JSON values.
+    at
+        The places of the rows. None stands for the vertices. "faces" stands for the faces: `features` is (F, D), and a
+        vertex gets the mean of its faces, weighted by their areas. Points (N, 3) in mesh units, such as those of a
+        scan, have features (N, D), and a vertex gets the feature of the nearest point.
 
-    Raises ValueError if `features` has another array shape, is not finite, or has a row of zeros.
+    Raises ValueError if `features` has another array shape, is not finite, has only zeros, or requires gradients: a
+    session has no gradients. Warns if rows of zeros were filled.
 
     Examples
     --------
@@ -48,19 +57,27 @@ class VertexField(Field):
     >>> seat = session.add(sample.vertices_of("seat")[0], translation=(0, 0.1, 0))
     """
 
-    def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None, at: Any = None
+    ) -> None:
         mesh = as_mesh(mesh)
-        rows = check.array("VertexField", "features", features, ("V", "D"))
-        if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
-            wanted = f"shape ({len(mesh.vertices)}, D), a row for each vertex"
-            raise ArgumentError("features", f"must have {wanted}, got {rows.shape}", "VertexField")
+        if tensors.tracked(features):
+            raise ArgumentError("features", "must not require gradients: detach them, or use dfd.bind", "VertexField")
+        rows = check.array("VertexField", "features", features, ("R", "D"))
         places, first = np.unique(mesh.representative, return_inverse=True)
-        self._rows = _unit(rows[places])
-        self._of_vertex = first
-        self._places = mesh.vertices[places]
+        rows = _at_vertices(mesh, rows, at)[places]
+        unknown: Bool = np.logical_not(rows.any(axis=1))
+        if unknown.any():
+            rows = _filled(mesh, rows, places.astype(np.int64), unknown)
+            number = f"{int(unknown.sum())} of {len(unknown)}"
+            check.warn(f"VertexField: `features` had {number} rows of zeros, filled from neighbors", UserWarning)
+        self._store(_unit(rows), first, mesh.vertices[places])
         center, scale = normalization(mesh)
         self.center, self.scale = np.array(center, np.float64), float(scale)
         self.settings = {"features": "vertices", **(settings or {})}
+
+    def _store(self, rows: Float32, of_vertex: NDArray[np.integer[Any]], places: Float64) -> None:
+        self._rows, self._of_vertex, self._places = rows, of_vertex, places
 
     @property
     def dimension(self) -> int:
@@ -79,12 +96,97 @@ class VertexField(Field):
         return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Raise ValueError for every `path`: given features cannot be saved as a field; save the array instead."""
-        raise ValueError("VertexField.save: a field of given features cannot be saved: save the array of features")
+        """Write the field to `path` (.safetensors) atomically. `Field.load` and the app read it.
+
+        Raises OSError if `path` cannot be written; an existing file stays unchanged.
+        """
+        arrays: dict[str, NDArray[Any]] = {
+            "rows": self._rows,
+            "of_vertex": self._of_vertex.astype(np.int64),
+            "places": self._places,
+        }
+        arrays |= {"center": np.asarray(self.center, np.float64), "scale": np.array(self.scale)}
+        field_file.write(path, None, arrays, self.settings)
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> VertexField:
+        """Return the field with the `arrays` and `settings` that `save` wrote.
+
+        Raises ValueError if an array is missing, or has a wrong shape or type.
+        """
+        field = cls.__new__(cls)
+        if missing := {"rows", "of_vertex", "places", "center", "scale"} - arrays.keys():
+            raise ArgumentError(missing.pop(), "is missing", "VertexField")
+        rows = check.array("VertexField", "rows", arrays["rows"], ("N", "D"))
+        places = check.array("VertexField", "places", arrays["places"], (len(rows), 3), dtype=np.float64)
+        of_vertex = check.vertex_indices("VertexField", "of_vertex", arrays["of_vertex"], len(rows))
+        field._store(_unit(rows), of_vertex, places)
+        field.center = check.array("VertexField", "center", arrays["center"], (3,), dtype=np.float64)
+        field.scale = check.number("VertexField", "scale", arrays["scale"], minimum=0.0, exclusive=True)
+        field.settings = dict(settings)
+        return field
 
     @cached_property
     def _nearest(self) -> cKDTree:
         return cKDTree(self._places)
+
+
+def _at_vertices(mesh: Mesh, rows: Float32, at: Any) -> Float32:
+    """Return the features (V, D) of the vertices, for features `rows` (R, D) of the places `at` (see `VertexField`)."""
+    count, what = len(mesh.vertices), "vertex"
+    faces = isinstance(at, str)
+    if faces:
+        check.choice("VertexField", "at", at, ("faces",))
+        count, what = len(mesh.faces), "face"
+    elif at is not None:
+        points = check.array("VertexField", "at", at, ("N", 3), dtype=np.float64)
+        count, what = len(points), "point"
+    if len(rows) != count or rows.shape[1] == 0 or count == 0:
+        wanted = f"shape ({count}, D), a row for each {what}"
+        raise ArgumentError("features", f"must have {wanted}, got {rows.shape}", "VertexField")
+    if at is None:
+        return rows
+    if not faces:
+        return np.asarray(rows[cKDTree(points).query(mesh.vertices)[1]], np.float32)
+    areas = face_areas(mesh.vertices, mesh.faces)
+    corners = mesh.faces.ravel()
+    shape = len(mesh.vertices), len(mesh.faces)
+    shares = csr_array((np.repeat(areas, 3), (corners, np.repeat(np.arange(len(areas)), 3))), shape=shape)
+    found = shares @ rows.astype(np.float64)
+    largest = np.abs(found).max(axis=1, keepdims=True)
+    return np.asarray(found / np.where(largest == 0, 1, largest), np.float32)[mesh.representative]
+
+
+def _filled(mesh: Mesh, rows: Float32, places: Int64, unknown: Bool) -> Float32:
+    """Return `rows` (P, D) of the vertices `places` (P,), in which `unknown` rows are means of neighbors with features.
+
+    Each round fills the neighbors of known rows along edges. Components without any feature get the nearest row.
+    """
+    if unknown.all():
+        raise ArgumentError("features", "must have rows other than 0, got only zeros", "VertexField")
+    number = np.full(len(mesh.vertices), -1)
+    number[places] = np.arange(len(places))
+    corners = number[mesh.representative[mesh.faces]]
+    ends = np.concatenate([corners[:, pair] for pair in ([0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2])])
+    edges = csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(places), len(places)))
+    rows, known = _unit(np.where(unknown[:, None], 1.0, rows)).astype(np.float64), ~unknown
+    rows[unknown] = 0
+    while True:
+        counts = edges @ known.astype(np.float64)
+        reached = np.flatnonzero(~known & (counts > 0))
+        if not len(reached):
+            break
+        rows[reached] = (edges[reached] @ rows) / counts[reached, None]
+        known[reached] = True
+        opposed = reached[~rows[reached].any(axis=1)]  # rows of opposite features have the mean 0
+        known[opposed] = False
+        if len(opposed) == len(reached):
+            break
+    left = np.flatnonzero(~known)
+    if len(left):
+        nearest = cKDTree(mesh.vertices[places[known]]).query(mesh.vertices[places[left]])[1]
+        rows[left] = rows[known][nearest]
+    return rows.astype(np.float32)
 
 
 def _unit(rows: Float32) -> Float32:

@@ -70,6 +70,13 @@ class Geodesics:
         self._result: _Prepared | None = None
         self._tree: cKDTree | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes of a copy, which repeats the precomputation at its first query."""
+        return {"_mesh": self._mesh, "_bridges": self._bridges, "_sampled": self._sampled}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["_mesh"], bridges=state["_bridges"], sampled=state["_sampled"])  # type: ignore[misc]
+
     def __repr__(self) -> str:
         """Return the mesh and the options that are False."""
         off = [f", {name}=False" for name in ("bridges", "sampled") if not getattr(self, f"_{name}")]

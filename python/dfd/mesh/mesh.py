@@ -84,6 +84,15 @@ class Mesh(ReadOnlyArrays):
         self.source = scene.path if scene else None
         self.scene = scene
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Raise AttributeError if the attribute is already set: other attributes were computed from it."""
+        if name in self.__dict__:
+            raise AttributeError(f"Mesh: `{name}` cannot be set, because a mesh is immutable: make a new dfd.Mesh")
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"Mesh: `{name}` cannot be deleted, because a mesh is immutable")
+
     def __repr__(self) -> str:
         name = f"{self.source.name}: " if self.source else ""
         parts = f", {len(self.parts)} parts" if len(self.parts) > 1 else ""
@@ -301,10 +310,16 @@ def load(
             raise ArgumentError("source", error.reason, "load") from None
     elif isinstance(source, tuple | list) and len(source) == 2:
         return Mesh(*source)
+    elif hasattr(source, "vertices") and hasattr(source, "triangles"):  # open3d.geometry.TriangleMesh
+        return Mesh(np.asarray(source.vertices), np.asarray(source.triangles))
+    elif hasattr(source, "points") and hasattr(source, "regular_faces"):  # pyvista.PolyData
+        surface: Any = source
+        whole = surface if surface.is_all_triangles else surface.triangulate()
+        return Mesh(np.asarray(whole.points), np.asarray(whole.regular_faces))
     else:
         raise ValueError(
-            "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene or a pair (vertices, faces), "
-            f"got {type(source).__name__}"
+            "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene, a pyvista.PolyData, an "
+            f"open3d.geometry.TriangleMesh or a pair (vertices, faces), got {type(source).__name__}"
             f"{': write its bytes to a file first' if hasattr(source, 'read') else ''}"
         )
     return _of_scene(scene)

@@ -33,16 +33,34 @@ def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
     return check.array(function, "weights", matrix, (vertex_count, "H"), finite=False)
 
 
-def empty_like(points: NDArray[Any]) -> NDArray[Any]:
-    """Return a new uninitialized array with the array shape and type of `points`."""
-    return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
+def empty_like(points: NDArray[Any], batch: int | None = None) -> NDArray[Any]:
+    """Return a new uninitialized array with the array shape and type of `points`, or (`batch`, V, 3) for a batch."""
+    empty = _core.empty_float32 if points.dtype == np.float32 else _core.empty_float64
+    if batch is None:
+        return empty(*points.shape)
+    return empty(batch * len(points), 3).reshape(batch, *points.shape)
 
 
-def target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None]) -> NDArray[Any]:
+def target(
+    function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None], batch: int | None = None
+) -> NDArray[Any]:
     """Return the array for the posed vertices: `out`, or a new array if `out` is None."""
     if out is None:
-        return empty_like(points)
-    return tensors.output(function, out, points.shape, points.dtype, inputs)
+        return empty_like(points, batch)
+    shape = points.shape if batch is None else (batch, *points.shape)
+    return tensors.output(function, out, shape, points.dtype, inputs)
+
+
+def read_batch(function: str, name: str, value: Any, count: int) -> Float64:
+    """Return `value` as a batch of transforms (B, `count`, 3, 4). If it is no batch, B is 1."""
+    array = np.asarray(tensors.shared(function, name, value))
+    if array.ndim != 4:
+        return read_affine(function, name, array, count)[np.newaxis]
+    if array.shape[1] != count or array.shape[2:] not in ((3, 4), (4, 4)):
+        reason = f"must have shape (B, {count}, 3, 4) or (B, {count}, 4, 4), got {array.shape}"
+        raise ArgumentError(name, reason, function)
+    batch = len(array)
+    return read_affine(function, name, array.reshape(-1, *array.shape[2:]), batch * count).reshape(batch, count, 3, 4)
 
 
 def read_affine(function: str, name: str, value: Any, count: int | None) -> Float64:
@@ -79,7 +97,7 @@ def handle_positions(
         array = np.asarray(tensors.shared(function, "handles", handles))
         if array.ndim == 2:
             return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
-        indices = check.vertex_indices(function, "handles", array, len(vertices))
+        indices = check.vertex_indices(function, "handles", array, len(vertices), wrap=True)
         if len(indices) != count:
             reason = f"must have {count} entries, one per column of `weights`, got {len(indices)}"
             raise ArgumentError("handles", reason, function)

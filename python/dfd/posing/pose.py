@@ -16,6 +16,7 @@ from dfd.posing.arguments import (
     handle_positions,
     handle_weight_matrix,
     read_affine,
+    read_batch,
     read_points,
     read_weights,
     target,
@@ -109,7 +110,7 @@ def pose(
     weights
         (V, H), as `dfd.bind` returns them.
     transforms
-        (H, 3, 4) or (H, 4, 4) affine transforms D_k, in mesh units.
+        (H, 3, 4) or (H, 4, 4) affine transforms D_k, in mesh units. A batch of B poses is (B, H, 3, 4) or (B, H, 4, 4).
     default
         (3, 4) or (4, 4) default transform D₀, with weight max(1 − Σ W_k, 0); None is the identity.
     symmetry
@@ -136,18 +137,24 @@ def pose(
         keeps the thickness of twisted parts. If a transform mirrors, its stretch contains the reflection that leaves
         the smallest rotation. The rotation never mirrors, even if the transform is singular.
     out
-        (V, 3) array for the result, with the type of `vertices`; None makes a new array.
+        (V, 3) array for the result, or (B, V, 3) for a batch, with the type of `vertices`; None makes a new array.
 
     Returns
     -------
     vertices
-        (V, 3) in mesh units: float32 if `vertices` is float32 or float16, else float64. A torch tensor if `vertices` is
-        one. With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. The result of a linear
-        blend has gradients with respect to `vertices`, `weights` and `transforms`.
+        (V, 3) in mesh units, or (B, V, 3) for a batch: float32 if `vertices` is float32, float16 or bfloat16, else
+        float64. A torch tensor if `vertices` is one. With `normals`, a pair: the vertices, and unit normals of the same
+        array shape and type. If a tensor requires a gradient, the result is a tensor with gradients.
 
     Raises ValueError if array shapes disagree, a value is not finite, a transform is not affine, or `out` has another
     array shape or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient
     that is not implemented.
+
+    A linear blend has gradients for `vertices`, `weights`, `transforms` and `default`, except with
+    `overlap="interpolate"`. Kernels compute the first derivatives; torch computes those of higher order, which are
+    slower. Where the sum of the weights is exactly 1, a derivative is that for smaller sums. The side of a handle, and
+    without a band the side of a vertex, count as constant. `torch.func.vmap`, `vjp`, `jacrev` and `grad` work, with one
+    call of a kernel for each item of the batch. Forward-mode differentiation (`jvp`, `jacfwd`) is not implemented.
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
     V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
@@ -168,25 +175,64 @@ def pose(
     array([[0., 2., 0.],
            [1., 1., 0.]])
     """
+    options: dict[str, Any] = {"symmetry": symmetry, "handles": handles, "overlap": overlap, "blend": blend}
+    options |= {"handle_weights": handle_weights, "default": default, "normals": normals, "out": out}
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
 
-        options = {"symmetry": symmetry, "handles": handles, "handle_weights": handle_weights, "normals": normals}
-        options |= {"default": default, "overlap": overlap, "blend": blend, "out": out}
-        return posed_with_gradients(pose, vertices, weights, transforms, options)
-    points = read_points("pose", vertices)
-    matrix = read_weights("pose", weights, len(points))
-    affine = read_affine("pose", "transforms", transforms, matrix.shape[1])
-    rule = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
+        return posed_with_gradients(_posed, _prepared, vertices, weights, transforms, options)
+    result, turned = _posed(vertices, weights, transforms, **options)
+    result = tensors.like(vertices, result) if out is None else out
+    return result if turned is None else (result, tensors.like(vertices, turned))
+
+
+def _posed(
+    vertices: Any, weights: Any, transforms: Any, default: Any, *, normals: Any = None, out: Any = None, **options: Any
+) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    """Return the posed vertices, and the normals if `normals` are given. The arguments are those of `pose`."""
+    points, matrix, affine, rule = _prepared(vertices, weights, transforms, default, **options)
+    batch = len(affine) if np.ndim(transforms) == 4 else None
     directions = turned = None
     if normals is not None:
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
-        turned = empty_like(points)
-    posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
-    motion = affine, _polar(affine, rule), *rule
-    _core.pose(points, matrix, *motion, None, directions, posed, turned, threads.get_num_threads())
-    result = tensors.like(vertices, posed) if out is None else out
-    return result if turned is None else (result, tensors.like(vertices, turned))
+        turned = empty_like(points, batch)
+    posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions}, batch)
+    decomposed = _polar(affine, rule)
+    for k, each in enumerate(affine):
+        into = posed if batch is None else posed[k]
+        turned_into = turned if batch is None or turned is None else turned[k]
+        motion = each, None if decomposed is None else decomposed[k], *rule
+        _core.pose(points, matrix, *motion, None, directions, into, turned_into, threads.get_num_threads())
+    return posed, turned
+
+
+class _Prepared(NamedTuple):
+    """The arguments of `pose`, converted for the kernel."""
+
+    points: NDArray[Any]  # (V, 3)
+    weights: Float32  # (V, H)
+    affine: Float64  # (B, H, 3, 4) the transforms of each pose of a batch
+    rule: _Rule
+
+
+def _prepared(
+    vertices: Any,
+    weights: Any,
+    transforms: Any,
+    default: Any,
+    *,
+    symmetry: SymmetryPlane | None,
+    handles: Any,
+    overlap: Overlap,
+    handle_weights: Any = None,
+    blend: Blend = "linear",
+) -> _Prepared:
+    """Check the arguments of `pose`, and convert them for the kernel."""
+    points = read_points("pose", vertices)
+    matrix = read_weights("pose", weights, len(points))
+    affine = read_batch("pose", "transforms", transforms, matrix.shape[1])
+    rule = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
+    return _Prepared(points, matrix, affine, rule)
 
 
 class Drag:
@@ -257,7 +303,9 @@ class Drag:
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
-        inputs = self._points, self._weights, affine, _polar(affine, self._rule), *self._rule, self._base
+        decomposed = _polar(affine[np.newaxis], self._rule)
+        polar = None if decomposed is None else decomposed[0]
+        inputs = self._points, self._weights, affine, polar, *self._rule, self._base
         _core.pose(*inputs, None, posed, None, threads.get_num_threads())
         return tensors.like(self._like, posed) if out is None else out
 
@@ -309,10 +357,12 @@ def _rule(
 
 
 def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
-    """Return the polar decompositions (H + 1, 10) of `transforms` (H, 3, 4) and D₀; None if the blend is linear."""
+    """Return polar decompositions (B, H + 1, 10) of `transforms` (B, H, 3, 4) and D₀; None if the blend is linear."""
     if rule.places is None:
         return None
-    return polar_decomposition(np.concatenate([transforms, rule.rest[np.newaxis]])[:, :, :3])
+    rest = np.broadcast_to(rule.rest, (len(transforms), 1, 3, 4))
+    maps = np.concatenate([transforms, rest], axis=1)[..., :3]
+    return polar_decomposition(maps.reshape(-1, 3, 3)).reshape(*maps.shape[:2], 10)
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:

@@ -3,7 +3,8 @@
 A rotation is a *rotation vector in degrees*: its direction is the axis and its length the angle, right-handed.
 (0, 90, 0) rotates by 90° about y. Rotation vectors need no order of axes and have no gimbal lock. Half the vector is
 half the rotation, and angles can exceed 360°. A rotation can also be given as a quaternion (x, y, z, w), the order of
-glTF. It is converted to a rotation vector.
+glTF. It is converted to a rotation vector, and so is a
+`scipy.spatial.transform.Rotation`.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ from dfd.common.described import About, Brief, Written
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.common.read_only import ReadOnlyArrays
+from dfd.posing.arguments import read_affine
+from dfd.posing.polar import polar_decomposition
 
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
 NOT_UNIT = 1e-3  # a quaternion whose length differs from 1 by more than this gives a warning
+DIAGONAL = 1e-12  # entries of a stretch beside its diagonal, up to this fraction of the largest one, count as 0
 LARGEST_ANGLE = 1e9  # degrees; for larger angles, float64 has too few digits to remove whole turns
 
 # A description of each motion of a handle. `towards` and `open` are converted to fields of `Transform`; all others are
@@ -78,6 +82,23 @@ class Transform(ReadOnlyArrays, Brief):
     R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part:
     the vertices with at least half of the handle's largest weight.
 
+    Parameters
+    ----------
+    translation
+        (3,) in mesh units.
+    rotation
+        (3,) rotation vector in degrees, a quaternion (x, y, z, w), or a `scipy.spatial.transform.Rotation`.
+    scale
+        One factor, or (3,) along `axes`. 0 flattens, a negative factor mirrors.
+    pivot, pivot_at
+        (3,) center of rotation and scale in mesh units, and the name of this place; None is the handle's position.
+    axes
+        (3, 3) orthonormal vectors, one per row; None stands for the axes of the mesh.
+    bend, twist
+        The rotation of the held part's tip, as a rotation vector (3,) in degrees, and its angle about the part's axis.
+    joint
+        The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.
+
     Raises ValueError if an attribute has a wrong array shape, is not finite or exceeds `check.LARGEST`. Raises
     ValueError if a rotation is the quaternion 0 or outside ±1e9 degrees, or `axes` are not orthonormal. Raises
     ValueError if `pivot_at` is unknown, `pivot_at` is given without `pivot`, or `joint` lies outside [0, 1].
@@ -128,6 +149,28 @@ class Transform(ReadOnlyArrays, Brief):
         if self.joint is not None:
             keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
+
+    @classmethod
+    def of_matrix(cls, matrix: ArrayLike, pivot: ArrayLike = (0.0, 0.0, 0.0)) -> Transform:
+        """Return the transform with an affine `matrix` (3, 4) or (4, 4) in mesh units, about a `pivot` (3,).
+
+        The linear part A = R S is divided into a rotation R and a stretch S along `axes`, the polar decomposition. A
+        reflection becomes negative factors of `scale`.
+
+        Raises ValueError if `matrix` has another array shape, is not finite, or has another bottom row than 0 0 0 1.
+        """
+        affine = read_affine("Transform", "matrix", matrix, None)[0]
+        at = np.asarray(vector("pivot", pivot))
+        translation = affine[:, :3] @ at + affine[:, 3] - at
+        return cls(**_polar(affine[:, :3]), translation=_triple(translation), pivot=_triple(at))
+
+    def with_matrix(self, matrix: ArrayLike, position: Vector) -> Transform:
+        """Return the transform of a handle at `position` with another `matrix`; its pivot, bend and twist are kept.
+
+        Raises ValueError as `of_matrix` does.
+        """
+        made = Transform.of_matrix(matrix, position if self.pivot is None else self.pivot)
+        return replace(self, **{name: getattr(made, name) for name in ("translation", "rotation", "scale", "axes")})
 
     def changed(self, *, pivot_at: PivotAt | None = None, **given: Any) -> Transform:
         """Return the transform with the `given` attributes. An attribute that is None in `given` does not change.
@@ -201,6 +244,7 @@ def rotation_matrix(rotation: ArrayLike) -> Float64:
 def rotation_vector(rotation: ArrayLike) -> Vector:
     """Return `rotation` as a rotation vector in degrees; a quaternion is converted to the shorter rotation."""
     wanted = "a rotation vector in degrees (3 numbers) or a quaternion x y z w (4 numbers)"
+    rotation = rotvec_of(rotation)
     numbers = _numbers("rotation", rotation, ((3,), (4,)), wanted)
     if len(numbers) == 3:
         return _angles("rotation", numbers)
@@ -216,8 +260,28 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     return _triple(Rotation.from_quat(numbers / largest).as_rotvec(degrees=True))
 
 
+def rotvec_of(value: Any) -> Any:
+    """Return `value`, or the rotation vector in degrees of one `scipy.spatial.transform.Rotation`."""
+    return value.as_rotvec(degrees=True) if hasattr(value, "as_rotvec") else value
+
+
+def _polar(linear: Float64) -> dict[str, Any]:
+    """Return `rotation`, `scale` and `axes` of a linear map (3, 3). If the stretch is diagonal, `axes` is None."""
+    from scipy.spatial.transform import Rotation
+
+    w, x, y, z, *stretch = polar_decomposition(linear[np.newaxis])[0]
+    xx, yy, zz, yz, zx, xy = stretch
+    symmetric = np.eye(3) + np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+    found: dict[str, Any] = {"rotation": _triple(Rotation.from_quat([x, y, z, w]).as_rotvec(degrees=True))}
+    if max(abs(yz), abs(zx), abs(xy)) <= DIAGONAL * np.abs(symmetric).max():
+        return found | {"scale": _triple(symmetric.diagonal()), "axes": None}
+    sizes, columns = np.linalg.eigh(symmetric)
+    columns[:, 2] *= np.sign(np.linalg.det(columns))
+    return found | {"scale": _triple(sizes), "axes": tuple(_triple(axis) for axis in columns.T)}
+
+
 def _angles(name: str, value: ArrayLike) -> Vector:
-    angles = vector(name, value)
+    angles = vector(name, rotvec_of(value))
     if max(map(abs, angles)) > LARGEST_ANGLE:
         raise ArgumentError(name, f"must stay within ±{LARGEST_ANGLE:g} degrees, got {angles}", "Transform")
     return angles

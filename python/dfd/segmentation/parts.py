@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dfd.common import check
@@ -120,10 +122,11 @@ class Parts:
         rungs, middle = self._ladder(int(self._patches.of_vertex[self._vertex(at)]))[1:]
         return -middle, len(rungs) - 1 - middle
 
-    def cut(self) -> list[Part]:
+    def cut(self, *, instances: bool = False) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 
-        Counterparts belong to the same part. The parts are those that handles hold at places all over the surface.
+        Counterparts belong to the same part. With `instances`, each of them is a part of its own: four legs are four
+        parts. The parts are those that handles hold at places all over the surface.
 
         Raises ValueError if no face has an area above 0.
         """
@@ -143,7 +146,43 @@ class Parts:
                 inner = mask & (patches.of_vertex == deepest)
                 vertex = int((inner if inner.any() else mask).argmax())
                 found.append(Part(mask, float(patches.area @ inside), self._count(inside), vertex))
+        if instances:
+            found = [each for part in found for each in self._instances(part)]
         return sorted(found, key=lambda each: -each.share)
+
+    def face_labels(self, found: Sequence[Part]) -> Int64:
+        """Return the index in `found`, the result of `cut`, of the part of each face, (F,).
+
+        A face belongs to the part of most of its corners, or of its first corner. `np.savetxt(path, labels, "%d")`
+        writes a .seg file of the Princeton benchmark.
+        """
+        corners = np.argmax([part.mask for part in found], axis=0)[self._mesh.representative[self._mesh.faces]]
+        return np.where(corners[:, 1] == corners[:, 2], corners[:, 1], corners[:, 0]).astype(np.int64)
+
+    def _instances(self, part: Part) -> list[Part]:
+        """Return the components of a part as parts. Fragments belong to the largest component."""
+        mesh, count = self._mesh, len(self._mesh.vertices)
+        first = first_at_place(mesh)
+        corners = first[mesh.faces]
+        areas = np.bincount(corners.ravel(), np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3), minlength=count)
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+        edges = edges[part.mask[edges].all(axis=1)]
+        graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+        component = connected_components(graph, directed=False)[1][first]
+        used, own = np.unique(component[part.mask], return_inverse=True)
+        sizes = np.bincount(own, areas[part.mask], minlength=len(used))
+        own = np.where((sizes > FRAGMENT * sizes.max())[own], own, sizes.argmax())
+        result = []
+        for number in np.unique(own):
+            vertices = np.flatnonzero(part.mask)[own == number]
+            mask = np.zeros(count, bool)
+            mask[vertices] = True
+            places = mesh.vertices[vertices]
+            middle = int(np.square(places - places.mean(axis=0)).sum(axis=1).argmin())
+            vertex = part.vertex if mask[part.vertex] else int(vertices[middle])
+            share = part.share * float(areas[vertices].sum() / max(areas[part.mask].sum(), 1e-300))
+            result.append(Part(mask, share, 1, vertex))
+        return result
 
     def prepare(self) -> None:
         """Compute the trees of regions, which takes half a second, or several seconds for a million faces."""
@@ -252,8 +291,8 @@ def cut_document(found: Sequence[Part]) -> dict[str, Any]:
     return {"parts": rows, "part_of_vertex": (1 + np.argmax([part.mask for part in found], axis=0)).tolist()}
 
 
-def parts(field: Field, mesh: MeshLike) -> Parts:
+def parts(mesh: MeshLike, field: Field) -> Parts:
     """Return the parts of `mesh`, found by the features of `field`. `mesh` can be anything that `dfd.load` reads."""
-    shape = as_mesh(mesh)
     known = check.field("parts", field)
-    return Parts(shape, known.on(shape).rows, lambda: symmetry_planes(known, shape))
+    shape = as_mesh(mesh)
+    return Parts(shape, known.on(shape).rows, partial(symmetry_planes, shape, known))

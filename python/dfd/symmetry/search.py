@@ -32,8 +32,8 @@ _EXACT = 1e-6  # largest rounding error of exactly mirrored vertices, in normali
 
 
 def symmetry_planes(
-    field: Field,
     mesh: MeshLike,
+    field: Field,
     *,
     threshold: float | Literal["relative"] = "relative",
     candidates: Literal["any", "axes"] = "any",
@@ -48,7 +48,7 @@ def symmetry_planes(
 
     Parameters
     ----------
-    field, mesh
+    mesh, field
         The shape and its feature field.
     threshold
         A number ε returns planes with a `SymmetryPlane.score` below ε; the paper uses 0.1. The best ε depends on the
@@ -70,7 +70,7 @@ def symmetry_planes(
     --------
     >>> import dfd
     >>> mesh = dfd.samples.robot().mesh
-    >>> best, *others = dfd.symmetry_planes(dfd.distill(mesh), mesh)
+    >>> best, *others = dfd.symmetry_planes(mesh, dfd.distill(mesh))
     >>> [abs(round(number, 2)) for number in best.normal]
     [1.0, 0.0, 0.0]
     """

@@ -66,11 +66,11 @@ def bind(
         compact features, with which binding is many times faster. The weights then change by at most the tolerance that
         `dfd.compact` was given.
     handles
-        (H,) distinct vertex indices, or (H, D) feature rows for points in space. A sequence of H items also permits
-        regions: each item is a vertex index, a list of vertex indices, or (N, D) rows. The weight of a vertex for a
-        region depends on the member of the region with the most similar feature. At most 32 members are used, whose
-        features differ most from each other, and by more than 0.001. They are chosen from at most 8,192 members, taken
-        at equal intervals from the list.
+        (H,) distinct vertex indices, a mask (V,) of bool, or (H, D) feature rows for points in space. Negative indices
+        count from the end. A sequence of H items also permits regions: each item is a vertex index, a list of vertex
+        indices, or (N, D) rows. The weight of a vertex for a region depends on the member of the region with the most
+        similar feature. At most 32 members are used, whose features differ most from each other, and by more than
+        0.001. They are chosen from at most 8,192 members, taken at equal intervals from the list.
     fixed
         Points or regions that stay in place: (P,), (P, D) or a sequence of P items, as for `handles`. Surface with
         similar features stays, too.
@@ -99,7 +99,12 @@ def bind(
 
     Raises ValueError if array shapes disagree, a value is not finite, an index is out of range or repeated, or a region
     is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
-    masked, a tensor requires gradients, or `out` has another array shape or type.
+    masked, or `out` has another array shape or type. If a tensor requires gradients, raises ValueError for regions,
+    compact features and a given `out`.
+
+    If a tensor requires gradients, so do the weights: all arguments but `falloff` and vertex indices have gradients, of
+    any order. The feature distance has no derivative where it is 0, at the handle itself; its gradient counts as 0
+    there. Beyond the reach, weights are 0, and so are their gradients: a vertex there does not learn to follow.
 
     Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
     and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
@@ -117,8 +122,29 @@ def bind(
            [0.368],
            [0.   ]], dtype=float32)
     """
-    if tensors.tracked(features, handles, fixed, geodesic, out):
-        raise ValueError("bind: weights have no gradients: detach the tensors that require gradients")
+    given = {"handles": handles, "fixed": fixed, "strength": strength, "geodesic": geodesic}
+    given |= {"locality": locality, "reach": reach, "out": out}
+    if tensors.tracked(features, *given.values()):
+        from dfd.weights.gradients import bound_with_gradients
+
+        return bound_with_gradients(_bound, {"features": features, **given}, falloff)
+    weights = _bound(features, falloff=falloff, **given)
+    return tensors.like(features, weights) if out is None else out
+
+
+def _bound(
+    features: Any,
+    handles: Any,
+    *,
+    falloff: Falloff | Sequence[Falloff],
+    fixed: Any = None,
+    strength: ArrayLike | None = None,
+    geodesic: Any = None,
+    locality: ArrayLike = 0.0,
+    reach: ArrayLike = 1.0,
+    out: Any = None,
+) -> Float32:
+    """Return the weights (V, H), in `out` if it is given. The arguments are those of `bind`."""
     source: Float32 | CompactFeatures
     if isinstance(features, CompactFeatures):
         source, blocks, step = features, features.blocks, features.step
@@ -156,7 +182,7 @@ def bind(
         weights,
         threads.get_num_threads(),
     )
-    return tensors.like(features, weights) if out is None else out
+    return weights
 
 
 def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | None:

@@ -36,7 +36,7 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
 
     Raises ValueError if `value` is not vertices, feature rows or a sequence of regions, or if a region is empty.
     """
-    items = _items(name, value)
+    items = items_of(name, value)
     if items is None:
         return _points(name, np.asarray(tensors.shared("bind", name, value)), source)
     regions = [_thinned(_points(f"{name}[{i}]", item, source, region=True), source) for i, item in enumerate(items)]
@@ -49,7 +49,7 @@ def resolve_points(name: str, value: Any, source: Source) -> Targets:
     return Targets(points, np.concatenate(offsets) if isinstance(source, CompactFeatures) else None, members)
 
 
-def _items(name: str, value: Any) -> list[NDArray[Any]] | None:
+def items_of(name: str, value: Any) -> list[NDArray[Any]] | None:
     """Return the items of a sequence that contains a region, or None for an array or a sequence of single points."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return None
@@ -85,7 +85,7 @@ def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = Fa
             return Targets(rows, None, None)
         stored, offsets = source.project(rows)
         return Targets(np.ascontiguousarray(stored), offsets, None)
-    return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
+    return Targets(check.vertex_indices("bind", name, array, source.shape[0], wrap=True), None, None)
 
 
 def _as_rows(region: Targets, source: Source) -> Targets:

@@ -339,7 +339,7 @@ def test_downloads_are_named_by_the_server_alone(page: Page) -> None:
 
 def test_planes_of_another_preset_are_found_when_it_is_chosen(new_page: Page, deformer: Deformer) -> None:
     rules = PRESETS["paper"]
-    wanted = symmetry_planes(deformer.field, deformer.mesh, candidates=rules.candidates, threshold=rules.threshold)
+    wanted = symmetry_planes(deformer.mesh, deformer.field, candidates=rules.candidates, threshold=rules.threshold)
     new_page.ask("set_preset", preset="paper")
     found = new_page.until(lambda each: each["type"] == "state" and len(each["planes"]) == len(wanted))
     assert found["preset"] == "paper"

@@ -17,6 +17,7 @@ def test_every_line_of_the_table_is_measured(monkeypatch):
     rows = list(speed.lines(1_000, 500))
     assert {"bind 10", "bind 100", "pose 1", "pose 100", "drag frame with 100 handles"} <= {row[0] for row in rows}
     assert "bind 1, D = 384, float32, 500 vertices" in {row[0] for row in rows}  # as many vertices as for torch
+    assert "pose and gradients of transforms and weights, 2,000 × 10" in {row[0] for row in rows}
     assert all(len(row) == len(speed.COLUMNS) and float(row[1]) > 0 for row in rows)
 
 

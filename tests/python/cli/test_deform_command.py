@@ -1,5 +1,6 @@
 """Test the output of `dfd deform`."""
 
+import json
 import re
 import warnings
 from pathlib import Path
@@ -219,3 +220,33 @@ def test_a_field_is_distilled_by_the_preset_of_the_edit(run, chair, monkeypatch,
         assert worked(run("deform", "MESH", "--edit", "edit.json", *given, "-o", "out.obj", "--save-edit", "out.json"))
     assert asked == [wanted]
     assert read_edit("out.json", chair).preset == wanted
+
+
+@pytest.mark.parametrize("motion", [(), ("--fit-motion", "affine")])
+def test_fit_moves_handles_to_targets(run, folder, chair, motion):
+    marks = [40, 41, 60, 300, 700, 900]
+    wanted = chair.vertices[marks] + (0, 0.1, 0)
+    targets = {str(vertex): position.tolist() for vertex, position in zip(marks, wanted, strict=True)}
+    Path("marks.json").write_text(json.dumps(targets))
+    options = ("--handle", 40, "--reach", 2.5, "--falloff", "constant", "--fit", "marks.json", *motion)
+    result = run(*DEFORM, *options, "-o", "out.obj")
+    assert worked(result)
+    assert "dfd: fitted to marks.json: mean distance" in result.stderr
+    np.testing.assert_allclose(dfd.load("out.obj").vertices[marks], wanted, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[1, 2]", "must be an object of places and positions"),
+        ("{}", "must be an object of places and positions"),
+        ('{"top": [0, 1]}', "must be an object of places and positions"),
+        ("{", "is no JSON file"),
+        ('{"nowhere": [0, 1, 2]}', "must be a vertex index"),
+    ],
+)
+def test_targets_that_cannot_be_read(run, text, message):
+    Path("marks.json").write_text(text)
+    Path("out.obj").unlink(missing_ok=True)
+    assert failed(run(*DEFORM, "--handle", 40, "--fit", "marks.json", "-o", "out.obj"), message)
+    assert not Path("out.obj").exists()

@@ -62,8 +62,8 @@ def test_numbers_too_large_for_the_kernels_are_refused_early(name):
 MESH = dfd.Mesh(CORNERS, CUBE)
 TAKE_FIELDS = {
     "Deformer": lambda field: dfd.Deformer(MESH, field),
-    "parts": lambda field: dfd.parts(field, MESH),
-    "symmetry_planes": lambda field: dfd.symmetry_planes(field, MESH),
+    "parts": lambda field: dfd.parts(MESH, field),
+    "symmetry_planes": lambda field: dfd.symmetry_planes(MESH, field),
 }
 
 

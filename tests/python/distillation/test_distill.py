@@ -65,7 +65,7 @@ def test_a_handle_on_a_foot_moves_the_other_feet(shape: tuple[Sample, dfd.Mesh, 
 
 def test_only_the_true_mirror_plane_is_found(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
     _, mesh, field = shape
-    (plane,) = dfd.symmetry_planes(field, mesh)
+    (plane,) = dfd.symmetry_planes(mesh, field)
     assert np.abs(plane.normal).tolist() == [1, 0, 0]
     assert plane.offset == pytest.approx(0, abs=1e-6)
 

@@ -7,6 +7,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.editing.edit import Edit, Fixed, symmetry_on
@@ -180,7 +181,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
     ("change", "message"),
     [
         (lambda d: d.add(10**6), r"Deformer.add: `at` must lie in 0 … \d+, got 1000000"),
-        (lambda d: d.add(-1), r"Deformer.add: `at` must lie in 0"),
+        (lambda d: d.add(-(10**6)), r"Deformer.add: `at` must lie in 0"),
         (lambda d: d.add(1.5), r"Deformer.add: `at` must be a vertex index, a point, a region or a text, got 1.5"),
         (lambda d: d.add((0, 0, math.nan)), r"Deformer.add: `at` must be finite"),
         (lambda d: d.add(5), r"`handles` must lie at distinct places, got two at 5"),
@@ -291,3 +292,41 @@ def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, me
 def test_shapes_that_only_blend_bend_no_vertex(deformer, mesh):
     deformer.add(5, translation=(0, 0.1, 0))
     assert deformer.bound.bent(deformer.edit) is mesh.vertices
+
+
+@pytest.mark.parametrize("size", [3, 4])
+@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.filterwarnings("ignore:Deformer. `preset` is 'paper'")
+def test_a_handle_takes_any_affine_matrix(fresh, preset, size):
+    session = fresh(preset)
+    random = np.random.default_rng(3)
+    matrix = np.eye(4)
+    matrix[:3] += 0.4 * random.standard_normal((3, 4))
+    handle = session.add(5, matrix=matrix[:size])
+    np.testing.assert_allclose(session.transforms[0], matrix[:3], atol=1e-12)
+    mirrored = matrix @ np.diag([-1, 1, 1, 1])
+    session.move(handle, matrix=mirrored[:size])
+    np.testing.assert_allclose(session.transforms[0], mirrored[:3], atol=1e-12)
+    session.move(handle, matrix=np.eye(4))
+    np.testing.assert_allclose(session.transforms[0], np.eye(3, 4), atol=1e-15)
+    with pytest.raises(ValueError, match=r"^Deformer.move: `matrix` must not be given with `rotation`"):
+        session.move(handle, matrix=matrix, rotation=(0, 1, 0))
+    with pytest.raises(ValueError, match=r"`matrix` must have shape \(3, 4\) or \(4, 4\), got \(3, 3\)"):
+        session.move(handle, matrix=np.eye(3))
+
+
+def test_a_rotation_of_scipy_goes_where_a_rotation_goes(deformer):
+    turn = Rotation.from_rotvec((10, 20, 30), degrees=True)
+    handle = deformer.add(5, rotation=turn)
+    assert deformer.handle(handle).transform.rotation == pytest.approx((10, 20, 30))
+    deformer.move(handle, bend=turn)
+    assert deformer.handle(handle).transform.bend == pytest.approx((10, 20, 30))
+    assert dfd.Transform(rotation=turn).rotation == pytest.approx((10, 20, 30))
+
+
+def test_a_key_pose_takes_matrices():
+    matrix = np.eye(3, 4) + 0.1 * np.arange(12).reshape(3, 4)
+    pose = dfd.KeyPose(0, {1: matrix, 2: dfd.Transform()})
+    np.testing.assert_allclose(pose.transforms[1].matrix((5, 6, 7)), matrix, atol=1e-12)
+    with pytest.raises(ValueError, match=r"^KeyPose: `transforms` must hold transforms or matrices \(3, 4\), got int"):
+        dfd.KeyPose(0, {1: 3})

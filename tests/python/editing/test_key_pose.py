@@ -98,7 +98,7 @@ def test_a_removed_handle_leaves_the_poses_and_undo_brings_it_back(edit, mesh, f
         (("soon",), "KeyPose: `seconds` must be a number"),
         ((0, [1]), "KeyPose: `transforms` must be a mapping, got list"),
         ((0, {"leg": Transform()}), "KeyPose: `transforms` must be a whole number, got 'leg'"),
-        ((0, {1: (0, 1, 0)}), "KeyPose: `transforms` must hold transforms, got tuple"),
+        ((0, {1: (0, 1, 0)}), r"KeyPose: `transforms` must hold transforms or matrices \(3, 4\), got tuple"),
         ((0, {0: Transform()}), "KeyPose: `transforms` must be a whole number of at least 1, got 0"),
         ((0, {}, "\ud800"), "KeyPose: `name` must be text that can be written to a file"),
     ],

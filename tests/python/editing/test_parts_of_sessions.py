@@ -19,7 +19,7 @@ def test_a_part_is_a_region_that_holds_the_place(mesh, field):
     part = session.part(100)
     assert isinstance(part, VertexSet)
     assert 100 in part.indices
-    assert np.array_equal(part.indices, dfd.parts(field, mesh).part(100).vertices)
+    assert np.array_equal(part.indices, dfd.parts(mesh, field).part(100).vertices)
     assert len(session.part(100, follow="none").indices) <= len(part.indices)
     with pytest.raises(ValueError, match="Deformer.part: `level` must be"):
         session.part(100, level=0.5)

@@ -232,3 +232,11 @@ def test_arrays_of_a_set_are_read_only(mesh):
     for values in (chosen.indices, chosen.positions):
         with pytest.raises(ValueError, match="read-only"):
             values[0] = 0
+
+
+def test_a_negative_index_counts_from_the_end(mesh):
+    count = len(mesh.vertices)
+    assert place_on(mesh, -2) == place_on(mesh, count - 2)
+    assert place_on(mesh, np.array([-2, 5])) == place_on(mesh, np.array([5, count - 2]))
+    with pytest.raises(ValueError, match="`at` must lie in 0"):
+        place_on(mesh, "-2")  # a text names a vertex of a file

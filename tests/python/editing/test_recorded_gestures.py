@@ -77,7 +77,7 @@ def sample_of(name):
     kind, large = name.removeprefix("large "), name.startswith("large ")
     sample = getattr(dfd.samples, kind)()
     field = dfd.Field.load(SAMPLE_FIELDS / f"{kind}.field.safetensors")
-    planes = dfd.symmetry_planes(field, sample.mesh)
+    planes = dfd.symmetry_planes(sample.mesh, field)
     with (
         mock.patch.object(coarse, "MOST_NODES", 2000 if large else coarse.MOST_NODES),
         mock.patch.object(coarse, "CELLS", 40),

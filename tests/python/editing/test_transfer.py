@@ -8,6 +8,7 @@ import dfd
 from dfd.editing.influence import handle_features
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import EditTransfer, transfer
+from dfd.field.field import FieldOnMesh
 from dfd.geometry.topology import sample_surface
 from dfd.posing.transforms import Transform
 
@@ -17,6 +18,7 @@ class Known:
 
     dimension = 16
     residuals = None
+    surface = None
     settings: dict = {}  # noqa: RUF012
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
@@ -31,6 +33,9 @@ class Known:
 
     def features(self, mesh):
         return self(mesh.vertices)
+
+    def on(self, mesh):
+        return FieldOnMesh(self, mesh)
 
 
 @pytest.fixture(scope="module")
@@ -185,3 +190,38 @@ def test_places_and_similarities_are_those_of_their_definition(mesh):
         good += chosen == alike[np.linalg.norm(mesh.vertices[alike] - mesh.vertices[vertex], axis=1).argmin()]
         assert similarity == pytest.approx(rows[0][vertex] @ rows[1][chosen], abs=0.03)
     assert good >= 0.8 * len(places)  # the mean features are those of other samples
+
+
+def test_a_session_transfers_its_edit(mesh, moved):
+    other, at = moved
+    session = dfd.Deformer(mesh, Known(mesh=mesh), other_shape=True)
+    handle = session.add(17, translation=(0, 0.1, 0), reach=1.0)
+    session.fix(800)
+    assert session.similarity == {}
+    twin = session.transfer(other, Known(3.0, (5, 0, 0), mesh))
+    assert twin.mesh is other
+    assert twin.handle(handle).place.vertex == at[17]
+    assert twin.handle(handle).transform.translation == pytest.approx((0, 0.3, 0))
+    assert twin.similarity[handle] == pytest.approx(1, abs=1e-3)
+    expected = transfer(session.edit, mesh, session.field, other, twin.field)
+    assert twin.edit == expected.edit
+    assert not twin.undo()
+
+
+def test_corresponding_vertices_of_a_moved_shape(mesh, moved):
+    other, at = moved
+    found = dfd.correspond(mesh, Known(mesh=mesh), other, Known(3.0, (5, 0, 0), mesh))
+    assert found.vertices.shape == found.confidence.shape == (len(mesh.vertices),)
+    apart = np.linalg.norm(other.vertices[found.vertices] - other.vertices[at], axis=1)
+    assert (apart < 1e-6).mean() > 0.95
+    assert np.median(found.confidence) > 0.95
+    assert found.similarity.min() >= 0
+    noise = Known(3.0, (5, 0, 0), mesh, signature=field_of(mesh, seed=99))
+    unlike = dfd.correspond(mesh, Known(mesh=mesh), other, noise)
+    assert np.median(unlike.confidence) < 0.5
+
+
+def test_fields_that_cannot_be_compared_do_not_correspond(mesh):
+    field = dfd.VertexField(mesh, np.eye(3)[np.arange(len(mesh.vertices)) % 3])
+    with pytest.raises(ValueError, match=r"^correspond: `field_to` must have features of width 3"):
+        dfd.correspond(mesh, field, mesh, Known(mesh=mesh))

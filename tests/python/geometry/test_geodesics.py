@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import reference
@@ -156,3 +159,13 @@ def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float)
 def test_bad_handles_are_refused(handles: object, message: str, sphere: Mesh) -> None:
     with pytest.raises(ValueError, match="Geodesics.distances: " + message):
         Geodesics(sphere).distances(handles)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
+def test_copies_give_the_same_distances(copied):
+    mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [2, 1, 3]])
+    own = dfd.Geodesics(mesh, bridges=False)
+    wanted = own.distances([0])
+    again = copied(own)
+    assert repr(again) == repr(own)
+    np.testing.assert_array_equal(again.distances([0]), wanted)

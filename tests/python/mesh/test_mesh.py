@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import pickle
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE
 
 from dfd.common.normals import smooth_normals
 from dfd.geometry.normals import updated_normals
-from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh, load
 from dfd.samples import Sample
 
 
@@ -76,3 +79,30 @@ def test_updated_normals_equal_newly_computed_normals(quadruped_sample: Sample, 
     after[: int(share * len(after))] += np.random.default_rng(0).normal(scale=0.01, size=(int(share * len(after)), 3))
     updated = updated_normals(mesh.normals, mesh.vertices, after, mesh.faces)
     np.testing.assert_allclose(updated, smooth_normals(after, mesh.faces), atol=1e-6)
+
+
+def test_a_mesh_cannot_be_changed() -> None:
+    mesh = Mesh(CORNERS, CUBE)
+    before = mesh.content_hash, mesh.diagonal
+    with pytest.raises(AttributeError, match="^Mesh: `vertices` cannot be set, because a mesh is immutable"):
+        mesh.vertices = 2 * mesh.vertices
+    with pytest.raises(AttributeError, match="cannot be set"):
+        mesh.bounds = np.zeros((2, 3))
+    with pytest.raises(AttributeError, match="cannot be deleted"):
+        del mesh.faces
+    assert (mesh.content_hash, mesh.diagonal) == before
+    again = pickle.loads(pickle.dumps(mesh))
+    assert again.content_hash == mesh.content_hash
+    with pytest.raises(AttributeError, match="cannot be set"):
+        again.faces = CUBE
+
+
+def test_meshes_of_open3d_and_pyvista_are_read() -> None:
+    open3d = SimpleNamespace(vertices=CORNERS, triangles=CUBE)
+    surface = SimpleNamespace(points=CORNERS, regular_faces=CUBE, is_all_triangles=True)
+    quads = SimpleNamespace(points=CORNERS, regular_faces=CUBE[:, :2], is_all_triangles=False)
+    quads.triangulate = lambda: surface
+    for source in (open3d, surface, quads):
+        mesh = load(source)
+        np.testing.assert_array_equal(mesh.vertices, CORNERS)
+        np.testing.assert_array_equal(mesh.faces, CUBE)

@@ -62,7 +62,7 @@ def test_a_smaller_level_has_only_regions_inside_the_components_of_the_larger_on
 def test_the_part_of_a_level_contains_the_parts_of_all_lower_levels(name, follow):
     mesh = getattr(dfd.samples, name)().mesh
     field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    parts = Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(field, mesh))
+    parts = Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(mesh, field))
     for vertex in np.linspace(0, len(mesh.vertices) - 1, 12).astype(int).tolist():
         lowest, highest = parts.levels(vertex)
         masks = [parts.part(vertex, level, follow=follow).mask for level in range(lowest, highest + 1)]
@@ -73,7 +73,7 @@ def test_the_part_of_a_level_contains_the_parts_of_all_lower_levels(name, follow
 def test_what_is_left_out_may_be_alike_but_does_not_belong_to_the_part():
     mesh = dfd.samples.quadruped().mesh
     field = dfd.Field.load(SAMPLE_FIELDS / "quadruped.field.safetensors")
-    parts = Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(field, mesh))
+    parts = Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(mesh, field))
     found = 0
     for vertex in np.linspace(0, len(mesh.vertices) - 1, 40).astype(int).tolist():
         left = parts.left_out(vertex)

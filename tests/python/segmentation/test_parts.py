@@ -1,5 +1,6 @@
 """Test the parts at a vertex or a point, on samples with labeled parts and noisy features that depend on the label."""
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -209,7 +210,7 @@ def test_loose_shapes_of_few_faces_have_parts():
 def test_a_field_gives_the_features(chair):
     field = field_of(chair.mesh)
     rows = field.features(chair.mesh)
-    by_field = dfd.parts(field, chair.mesh).part(0)
+    by_field = dfd.parts(chair.mesh, field).part(0)
     assert np.array_equal(by_field.mask, Parts(chair.mesh, lambda some: rows[some]).part(0).mask)
 
 
@@ -311,3 +312,37 @@ def test_a_part_has_at_most_64_components():
     whole = trimesh.util.concatenate(balls)
     parts = Parts(dfd.Mesh(whole.vertices, whole.faces), lambda vertices: np.ones((len(vertices), 4), np.float32))
     assert {parts.part(vertex).components for vertex in (0, 999)} == {64}
+
+
+def test_parts_are_pickled(chair):
+    field = dfd.VertexField(chair.mesh, noisy(chair))
+    own = dfd.parts(chair.mesh, field)
+    again = pickle.loads(pickle.dumps(own))
+    np.testing.assert_array_equal(again.part(0).mask, own.part(0).mask)
+
+
+def test_instances_are_the_components_of_parts(chair):
+    own = parts_of(chair)
+    whole, single = own.cut(), own.cut(instances=True)
+    legs = [part for part in whole if overlap(part.mask, chair.labels == chair.parts.index("leg")) > 0.5]
+    assert len(legs) == 1
+    within = [part for part in single if (part.mask & legs[0].mask).any()]
+    assert len(within) == 4
+    assert sum(part.mask for part in single).tolist() == [1] * len(chair.mesh.vertices)
+    assert all(part.mask[part.vertex] and part.components == 1 for part in single)
+    assert sum(part.share for part in single) == pytest.approx(sum(part.share for part in whole))
+    shares = [part.share for part in single]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_labels_of_faces_follow_the_corners(chair):
+    own = parts_of(chair)
+    found = own.cut()
+    labels = own.face_labels(found)
+    assert labels.shape == (len(chair.mesh.faces),)
+    of_vertex = np.argmax([part.mask for part in found], axis=0)[chair.mesh.faces]
+    same = (of_vertex == of_vertex[:, :1]).all(axis=1)
+    np.testing.assert_array_equal(labels[same], of_vertex[same, 0])
+    for label, corners in zip(labels[~same], of_vertex[~same], strict=True):
+        counts = [int((corners == each).sum()) for each in corners]
+        assert (corners == label).sum() == max(counts)

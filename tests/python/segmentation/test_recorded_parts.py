@@ -33,7 +33,7 @@ def of_sample(name):
     """Return the parts of a sample, by the field that the app has for it."""
     mesh = getattr(dfd.samples, name)().mesh
     field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    return mesh, Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(field, mesh))
+    return mesh, Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(mesh, field))
 
 
 def large_robot():

@@ -20,7 +20,7 @@ from dfd.segmentation.parts import Parts
 def test_all_of_a_kind_follow_one(name, part, components):
     sample = getattr(dfd.samples, name)()
     field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    planes = dfd.symmetry_planes(field, sample.mesh)
+    planes = dfd.symmetry_planes(sample.mesh, field)
     parts = Parts(sample.mesh, field.on(sample.mesh).rows, lambda: planes)
     vertices = sample.vertices_of(part, 0)
     lowest, highest = sample.mesh.vertices[vertices, 1].argmin(), sample.mesh.vertices[vertices, 1].argmax()

@@ -21,7 +21,7 @@ TURNS = [np.eye(3), *Rotation.random(3, random_state=7).as_matrix()]
 def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn: np.ndarray, armed: bool) -> None:
     offset = (3.0, -1.0, 20.0)
     mesh = creature(turn, offset, armed=armed)
-    planes = dfd.symmetry_planes(FoldedField(mirror_x, turn, offset), mesh)
+    planes = dfd.symmetry_planes(mesh, FoldedField(mirror_x, turn, offset))
     assert len(planes) == 1
     normal = turn[:, 0]
     along = abs(np.dot(planes[0].normal, normal))
@@ -33,19 +33,19 @@ def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn: np.ndarr
 
 
 def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them() -> None:
-    (plane,) = dfd.symmetry_planes(FoldedField(mirror_x), creature())
+    (plane,) = dfd.symmetry_planes(creature(), FoldedField(mirror_x))
     assert plane.normal == (1.0, 0.0, 0.0)
     assert plane.offset == 0.0
     assert plane.score == pytest.approx(0.0, abs=1e-5)
-    (plane,) = dfd.symmetry_planes(FoldedField(mirror_x), creature(armed=True))
+    (plane,) = dfd.symmetry_planes(creature(armed=True), FoldedField(mirror_x))
     assert plane.normal == (1.0, 0.0, 0.0)
     assert plane.offset == 0.0
 
 
 def test_several_planes_are_ranked_and_merged() -> None:
-    planes = dfd.symmetry_planes(FoldedField(about_y(4)), table(4))
+    planes = dfd.symmetry_planes(table(4), FoldedField(about_y(4)))
     assert not planes  # the features have rotational symmetry, but no mirror plane
-    both = dfd.symmetry_planes(FoldedField(mirror_xz), table(4))
+    both = dfd.symmetry_planes(table(4), FoldedField(mirror_xz))
     assert sorted(plane.normal for plane in both) == [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
     assert [plane.relative_score for plane in both] == sorted(plane.relative_score for plane in both)
 
@@ -53,38 +53,38 @@ def test_several_planes_are_ranked_and_merged() -> None:
 def test_features_decide_and_not_the_form_alone() -> None:
     """Every plane through the center of a ball is a mirror plane, but its features have only one."""
     ball = trimesh.creation.icosphere(4)
-    planes = dfd.symmetry_planes(FoldedField(mirror_x), Mesh(ball.vertices, ball.faces))
+    planes = dfd.symmetry_planes(Mesh(ball.vertices, ball.faces), FoldedField(mirror_x))
     assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]
 
 
 def test_the_own_plane_of_a_flat_shape_is_none() -> None:
     plate = creature()
     flat = Mesh(plate.vertices * [1, 1, 0.02], plate.faces)
-    planes = dfd.symmetry_planes(FoldedField(mirror_x), flat)
+    planes = dfd.symmetry_planes(flat, FoldedField(mirror_x))
     assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]
     sheet = Mesh(plate.vertices * [1, 1, 0], plate.faces)
-    assert [plane.normal for plane in dfd.symmetry_planes(FoldedField(mirror_x), sheet)] == [(1.0, 0.0, 0.0)]
+    assert [plane.normal for plane in dfd.symmetry_planes(sheet, FoldedField(mirror_x))] == [(1.0, 0.0, 0.0)]
 
 
 def test_a_shape_without_symmetry_has_none() -> None:
-    assert dfd.symmetry_planes(FoldedField(lambda points: points), creature(armed=True)) == []
+    assert dfd.symmetry_planes(creature(armed=True), FoldedField(lambda points: points)) == []
 
 
 def test_a_threshold_goes_by_the_score_of_the_paper() -> None:
     field, mesh = FoldedField(mirror_x), creature()
-    planes = dfd.symmetry_planes(field, mesh, threshold=9.0)
+    planes = dfd.symmetry_planes(mesh, field, threshold=9.0)
     assert planes == scored_planes(field, mesh)
-    (plane,) = dfd.symmetry_planes(field, mesh, threshold=0.1)
+    (plane,) = dfd.symmetry_planes(mesh, field, threshold=0.1)
     reflected = np.linalg.norm(field(mesh.vertices) - field(plane.reflect(mesh.vertices)), axis=1).mean()
     assert plane.score == pytest.approx(reflected, abs=1e-6)
 
 
 def test_the_planes_of_the_paper_stay_available() -> None:
     field, mesh = FoldedField(mirror_x), creature()
-    planes = dfd.symmetry_planes(field, mesh, threshold=9.0, candidates="axes")
+    planes = dfd.symmetry_planes(mesh, field, threshold=9.0, candidates="axes")
     assert sorted(plane.normal for plane in planes) == [(0, 0, 1), (0, 1, 0), (1, 0, 0)]
     assert all(plane.signed_distance([mesh.bounds.mean(axis=0)])[0] == pytest.approx(0, abs=1e-9) for plane in planes)
-    (plane,) = dfd.symmetry_planes(field, mesh, candidates="axes")
+    (plane,) = dfd.symmetry_planes(mesh, field, candidates="axes")
     assert plane.normal == (1.0, 0.0, 0.0)
 
 
@@ -92,7 +92,7 @@ def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(search, "_SCORED_VERTICES", 10)
     monkeypatch.setattr(search, "_AT_ONCE", 100)
     field, mesh = FoldedField(mirror_x), creature()
-    for plane in dfd.symmetry_planes(field, mesh, threshold=9.0, candidates="axes"):
+    for plane in dfd.symmetry_planes(mesh, field, threshold=9.0, candidates="axes"):
         apart = np.linalg.norm(field(mesh.vertices) - field(plane.reflect(mesh.vertices)), axis=1)
         assert plane.score == pytest.approx(apart.mean(), abs=1e-6)
 
@@ -101,7 +101,7 @@ def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPat
 def test_size_does_not_matter(scale: float) -> None:
     mesh = creature()
     field = FoldedField(mirror_x)
-    (plane,) = dfd.symmetry_planes(lambda points: field(points / scale), Mesh(mesh.vertices * scale, mesh.faces))
+    (plane,) = dfd.symmetry_planes(Mesh(mesh.vertices * scale, mesh.faces), lambda points: field(points / scale))
     assert plane.normal == (1.0, 0.0, 0.0)
 
 
@@ -125,7 +125,7 @@ def test_exactly_mirrored_vertices_give_the_exact_offset(axis: int, change: str 
 
 @pytest.mark.parametrize("vertices", [np.zeros((3, 3)), np.eye(3), np.arange(9.0).reshape(3, 3)])
 def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
-    planes = dfd.symmetry_planes(FoldedField(lambda points: points), Mesh(vertices, [(0, 1, 2)]))
+    planes = dfd.symmetry_planes(Mesh(vertices, [(0, 1, 2)]), FoldedField(lambda points: points))
     assert all(np.isfinite([*plane.normal, plane.offset, plane.score]).all() for plane in planes)
 
 
@@ -139,4 +139,4 @@ def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
 )
 def test_bad_options_are_refused(options: dict, message: str) -> None:
     with pytest.raises(ValueError, match="symmetry_planes: " + message):
-        dfd.symmetry_planes(FoldedField(mirror_x), creature(), **options)
+        dfd.symmetry_planes(creature(), FoldedField(mirror_x), **options)

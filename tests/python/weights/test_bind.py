@@ -132,10 +132,8 @@ def test_torch_tensors_share_their_memory():
     np.testing.assert_array_equal(out.numpy(), weights.numpy())
 
 
-def test_tensors_that_require_gradients_are_refused():
+def test_without_recording_tensors_are_taken_as_they_are():
     features = torch.from_numpy(unit_rows(50, 12)).requires_grad_()
-    with pytest.raises(ValueError, match="^bind: weights have no gradients: detach the tensors that require gradients"):
-        dfd.bind(features, [1, 2])
     with torch.no_grad():
         np.testing.assert_array_equal(dfd.bind(features, [1]).numpy(), dfd.bind(features.detach(), [1]).numpy())
 
@@ -239,3 +237,19 @@ def test_out_must_not_overlap_an_input():
     features = unit_rows(4, 4)
     with pytest.raises(ValueError, match=r"^bind: `out` must not overlap `features`"):
         dfd.bind(features, [0, 1, 2, 3], out=features)
+
+
+def test_negative_indices_and_masks_count_as_in_numpy():
+    features = unit_rows(50, 12)
+    wanted = dfd.bind(features, [48, 3], fixed=[49])
+    np.testing.assert_array_equal(dfd.bind(features, [-2, 3], fixed=[-1]), wanted)
+    mask, fixed = np.zeros(50, bool), np.zeros(50, bool)
+    mask[[3, 48]] = fixed[49] = True
+    np.testing.assert_array_equal(dfd.bind(features, mask, fixed=fixed), wanted[:, ::-1])
+    for handles in ([-51], mask[:-1], [50]):
+        with pytest.raises(ValueError, match="^bind: `handles` must"):
+            dfd.bind(features, handles)
+    rows = torch.from_numpy(features).requires_grad_()
+    (by_mask,) = torch.autograd.grad(dfd.bind(rows, mask).sum(), rows)
+    (by_index,) = torch.autograd.grad(dfd.bind(rows, [3, -2]).sum(), rows)
+    torch.testing.assert_close(by_mask, by_index)

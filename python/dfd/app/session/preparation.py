@@ -46,7 +46,7 @@ class SharedShape:
         if preset not in self.planes:
             rules = PRESETS[preset]
             self.planes[preset] = symmetry_planes(
-                deformer.field, deformer.mesh, candidates=rules.candidates, threshold=rules.threshold
+                deformer.mesh, deformer.field, candidates=rules.candidates, threshold=rules.threshold
             )
 
 

@@ -102,7 +102,7 @@ class HandleWeights:
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
-        return symmetry_planes(self.field, self.mesh)
+        return symmetry_planes(self.mesh, self.field)
 
     def hold(
         self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False

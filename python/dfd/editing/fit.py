@@ -1,0 +1,308 @@
+"""Fit the motions of handles, so that chosen vertices, or the surface, arrive at given positions.
+
+The unknowns of a handle are a translation and a rotation about its pivot, and, if wanted, a scale or a linear map. They
+minimize the sum of the squared distances from the targets, plus `STIFFNESS`² times the squares of the unknowns. So a
+motion that the targets do not determine is as small as possible. Steps of the method of Levenberg and Marquardt pose
+only the target vertices. Weights in blend bands depend on the motion, so they are computed again between rounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from dfd.common import check
+from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64, Int64
+from dfd.editing import verbs
+from dfd.editing.blend import blend_of, blends_nested
+from dfd.editing.edit import Edit
+from dfd.editing.influence.counterparts import Counterpart
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.points import nearest_vertex, place_on
+from dfd.editing.shape import PosedShape
+from dfd.mesh.mesh import Mesh
+from dfd.posing.pose import pose
+
+Motion = Literal["rigid", "scale", "affine"]
+COUNTS = {"rigid": 6, "scale": 7, "affine": 12}  # number of unknowns of a handle
+GROUPS = {"translation": slice(0, 3), "rotation": slice(3, 6), "scale": slice(6, 7)}  # unknowns with a name
+STIFFNESS = 1e-4  # weight of the unknowns; exact targets are then missed by about 1e-8 of the motion
+STEP = 1e-4  # difference of an unknown for the central difference quotients of the Jacobian
+NULL = 1e-5  # singular values of the Jacobian below this fraction of the largest count as 0
+ROUNDS, SCAN_ROUNDS = 12, 30  # largest numbers of rounds for vertices and for a scan
+SETTLED = 1e-7  # the rounds end if no unknown changes by more than this
+SLOW = 0.01  # a round ends if a step lowers the sum of squares by less than this fraction, before weights change anyway
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of `Deformer.fit`. Distances are in mesh units."""
+
+    mean: float  # mean distance between the posed shape and the targets
+    largest: float  # largest distance
+    before: float  # mean distance before the fit
+    undetermined: Mapping[int, tuple[str, ...]]  # motions that the targets do not determine, by the handle's id
+
+    def __str__(self) -> str:
+        """Return one line with the distances."""
+        return f"mean distance {self.mean:.3g} (before: {self.before:.3g}), largest {self.largest:.3g}"
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Points of the surface, and the positions at which they should arrive."""
+
+    corners: Int64  # (N, 3) vertices
+    shares: Float64  # (N, 3) barycentric coordinates
+    goals: Float64  # (N, 3) mesh units
+
+    def points(self, vertices: Float64) -> Float64:
+        """Return the points (N, 3) of the surface for `vertices` (V, 3)."""
+        return np.einsum("nk,nkd->nd", self.shares, vertices[self.corners])
+
+
+def fit(
+    edit: Edit, weights: HandleWeights, targets: Any, handles: Sequence[int] | None, motion: Motion
+) -> tuple[Edit, Fit]:
+    """Return `edit` with fitted motions; `Deformer.fit` explains the arguments and the errors."""
+    check.choice(None, "motion", motion, Motion)
+    chosen = [handle.id for handle in edit.handles] if handles is None else list(handles)
+    if not chosen:
+        raise ArgumentError("handles", "must have at least one handle to move")
+    numbers = {handle.id: i for i, handle in enumerate(edit.handles)}
+    order = [numbers[edit.handle(each).id] for each in chosen]
+    scan = _scan(targets)
+    start = _with_pivots(edit, weights, chosen)
+    fitted, offset = start, np.zeros(len(chosen) * COUNTS[motion])
+    at_first = _posed(edit, weights)
+    found = _at_vertices(weights.mesh, targets) if scan is None else _on_surface(weights.mesh, at_first, scan)
+    before = _distances(found, at_first)
+    for number in range(ROUNDS if scan is None else SCAN_ROUNDS):
+        problem = _Problem(fitted, weights, order, motion)
+        if scan is not None and number:
+            found = _on_surface(weights.mesh, _posed(fitted, weights), scan)
+        last, offset = offset, problem.solved(found, offset, 30 if scan is None else 4)
+        fitted = problem.edit_of(offset)
+        if np.abs(offset - last).max() <= SETTLED:
+            break
+    problem = _Problem(fitted, weights, order, motion)
+    open_motions = problem.undetermined(found, offset)
+    after = _distances(found, _posed(fitted, weights))
+    missing = {chosen[k]: names for k, names in open_motions.items()}
+    return fitted, Fit(float(after.mean()), float(after.max()), float(before.mean()), missing)
+
+
+class _Problem:
+    """The least squares problem for the weights of one edit. `order` has the indices of the fitted handles."""
+
+    def __init__(self, edit: Edit, weights: HandleWeights, order: Sequence[int], motion: Motion) -> None:
+        self.edit, self.weights, self.order, self.motion = edit, weights, order, motion
+        self.count, self.size = COUNTS[motion], weights.mesh.diagonal
+        self.rest = weights.bent(edit)
+        self.values, self.columns = weights.columns(edit)
+        self.how = blend_of(weights.mesh, edit, self.values, self.columns, self.rest)
+        if edit.rules.blend == "auto":
+            self.how["blend"] = "dual_quaternion"  # a fitted motion rotates
+        self.nested = blends_nested(edit, self.columns)
+
+    def matrices(self, unknowns: Float64) -> Float64:
+        """Return the transforms (B, H, 3, 4) of the fitted handles for `unknowns` (B, H · n)."""
+        from scipy.spatial.transform import Rotation
+
+        each = unknowns.reshape(len(unknowns), len(self.order), self.count)
+        if self.motion == "affine":
+            linear = np.eye(3) + each[..., 3:].reshape(*each.shape[:2], 3, 3)
+        else:
+            turns = Rotation.from_rotvec(each[..., 3:6].reshape(-1, 3)).as_matrix().reshape(*each.shape[:2], 3, 3)
+            linear = turns * np.exp(each[..., 6:7, None]) if self.motion == "scale" else turns
+        pivots = np.array([self.edit.handles[i].pivot for i in self.order])
+        shift = pivots + self.size * each[..., :3] - np.einsum("bhij,hj->bhi", linear, pivots)
+        return np.concatenate([linear, shift[..., None]], axis=-1)
+
+    def edit_of(self, unknowns: Float64) -> Edit:
+        """Return the edit with the motions of `unknowns` (H · n)."""
+        edit = self.edit
+        for i, matrix in zip(self.order, self.matrices(unknowns[None])[0], strict=True):
+            held = edit.handles[i]
+            transform = held.transform.with_matrix(matrix, held.place.position)
+            edit = edit.replaced(replace(held, transform=transform))
+        return edit
+
+    def points(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:
+        """Return the posed points (B, N, 3) of `targets` for `unknowns` (B, H · n).
+
+        If not `exact`, parts in other parts are carried as in the present edit, which is enough for derivatives.
+        """
+        used, corners = np.unique(targets.corners, return_inverse=True)
+        subset = Targets(corners.reshape(targets.corners.shape), targets.shares, targets.goals)
+        matrices = self.matrices(unknowns)
+        transforms = np.repeat(self.how["transforms"][None], len(unknowns), axis=0)
+        for column, one in enumerate(self.columns):
+            if one.handle in self.order:
+                position = self.edit.handles[one.handle].place.position
+                transforms[:, column] = _at_counterpart(
+                    one.counterpart, matrices[:, self.order.index(one.handle)], np.asarray(position)
+                )
+        if self.nested and exact:
+            for b, each in enumerate(unknowns):
+                found = blend_of(self.weights.mesh, self.edit_of(each), self.values, self.columns, self.rest)
+                transforms[b] = found["transforms"]
+        how = {**self.how, "transforms": transforms}
+        posed = pose(self.rest[used], np.ascontiguousarray(self.values[used]), **how)
+        return np.stack([subset.points(each) for each in posed])
+
+    def solved(self, targets: Targets, unknowns: Float64, steps: int) -> Float64:
+        """Return the `unknowns` (H · n) after at most `steps` steps of the method of Levenberg and Marquardt."""
+        damping = 1e-6
+        residuals = self.residuals(targets, unknowns[None])[0]
+        for _ in range(steps):
+            jacobian = self.jacobian(targets, unknowns)
+            slope, curvature = jacobian.T @ residuals, jacobian.T @ jacobian
+            while True:
+                step = -np.linalg.solve(curvature + damping * np.diag(curvature.diagonal() + 1e-12), slope)
+                trial = self.residuals(targets, (unknowns + step)[None])[0]
+                if trial @ trial <= residuals @ residuals or damping > 1e6:
+                    break
+                damping *= 10
+            if damping > 1e6:
+                return unknowns
+            before, unknowns, residuals = residuals @ residuals, unknowns + step, trial
+            damping = max(damping / 10, 1e-12)
+            if np.abs(step).max() < SETTLED or before - residuals @ residuals < SLOW * before:
+                break
+        return unknowns
+
+    def residuals(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:
+        """Return the distances from the targets, as fractions of the diagonal, and the weighted unknowns."""
+        apart = (self.points(targets, unknowns, exact) - targets.goals) / self.size
+        return np.concatenate([apart.reshape(len(unknowns), -1), STIFFNESS * unknowns], axis=1)
+
+    def jacobian(self, targets: Targets, unknowns: Float64) -> Float64:
+        """Return the derivatives (R, H · n) of the residuals, by central differences."""
+        steps = STEP * np.eye(len(unknowns))
+        found = self.residuals(targets, np.concatenate([unknowns + steps, unknowns - steps]), exact=False)
+        return (found[: len(unknowns)] - found[len(unknowns) :]).T / (2 * STEP)
+
+    def undetermined(self, targets: Targets, unknowns: Float64) -> dict[int, tuple[str, ...]]:
+        """Return the motions that the targets do not determine, by the position in `order`.
+
+        Raises ValueError if no handle moves a target.
+        """
+        jacobian = self.jacobian(targets, unknowns)[: targets.goals.size]
+        sizes, directions = np.linalg.svd(jacobian, full_matrices=True)[1:]
+        sizes = np.concatenate([sizes, np.zeros(len(unknowns) - len(sizes))])
+        if sizes[0] < 1e-9:
+            raise ArgumentError("targets", "must be at places that the handles move: all their weights are 0 there")
+        free = directions[sizes <= NULL * sizes[0]]
+        groups = dict(GROUPS, linear=slice(3, 12)) if self.motion == "affine" else GROUPS
+        result = {}
+        for k in range(len(self.order)):
+            own = free[:, k * self.count : (k + 1) * self.count]
+            wanted = [name for name in groups if self.motion != "affine" or name in ("translation", "linear")]
+            names = [name for name in wanted if np.abs(own[:, groups[name]]).max(initial=0.0) > 0.05]
+            if names:
+                result[k] = tuple(names)
+        return result
+
+
+def _at_counterpart(counterpart: Counterpart, affine: Float64, position: Float64) -> Float64:
+    """Return `counterpart.transform` of a batch of transforms `affine` (B, 3, 4) of a handle at `position` (3,)."""
+    here, frame = np.asarray(counterpart.position), counterpart.frame
+    linear = frame @ affine[:, :, :3] @ frame.T
+    moved = affine[:, :, :3] @ position + affine[:, :, 3] - position
+    shift = here + moved @ frame.T - linear @ here
+    return np.concatenate([linear, shift[:, :, None]], axis=2)
+
+
+def _posed(edit: Edit, weights: HandleWeights) -> Float64:
+    """Return the posed vertices (V, 3) of `edit`."""
+    return PosedShape(weights.mesh, weights).of(edit)
+
+
+def _with_pivots(edit: Edit, weights: HandleWeights, chosen: Sequence[int]) -> Edit:
+    """Return `edit` with the default pivots of the `chosen` handles, at which they rest, but for a tiny motion.
+
+    The motion makes them moving handles, which share counterparts and parts as they will after the fit.
+    """
+    tiny = 1e-9 * weights.mesh.diagonal
+    for handle in chosen:
+        if not edit.handle(handle).transform.turns:
+            edit = verbs.move(edit, weights, handle, {"rotation": (0.0, 0.0, 1.0)})
+        edit = verbs.move(
+            edit, weights, handle, {"translation": (tiny, 0, 0), "rotation": (0, 0, 0), "scale": 1, "axes": "auto"}
+        )
+    return edit
+
+
+def _distances(targets: Targets, vertices: Float64) -> Float64:
+    return np.asarray(np.linalg.norm(targets.points(vertices) - targets.goals, axis=1), np.float64)
+
+
+def _scan(targets: Any) -> Float64 | None:
+    """Return the points (N, 3) of a scan, or None for other targets."""
+    if isinstance(targets, Mapping | tuple):
+        return None
+    points: Float64 = check.array(None, "targets", targets, ("N", 3), dtype=np.float64)
+    if not len(points):
+        raise ArgumentError("targets", "must have at least one point")
+    return points
+
+
+def _at_vertices(mesh: Mesh, targets: Any) -> Targets:
+    """Return the targets for a mapping of places to positions, or a pair of vertices (N,) and positions (N, 3)."""
+    if isinstance(targets, Mapping):
+        places = [place_on(mesh, at) for at in targets]
+        if any(place.region is not None for place in places):
+            raise ArgumentError("targets", "must be at vertices or points, not regions")
+        vertices = np.array(
+            [nearest_vertex(mesh, each.position)[0] if each.vertex is None else each.vertex for each in places],
+            np.int64,
+        )
+        positions: Any = list(targets.values())
+    else:
+        if len(targets) != 2:
+            raise ArgumentError("targets", f"must be a pair of vertices and positions, got {len(targets)} items")
+        vertices = check.vertex_indices(None, "targets[0]", targets[0], len(mesh.vertices))
+        positions = targets[1]
+    if not len(vertices):
+        raise ArgumentError("targets", "must have at least one target")
+    goals = check.array(None, "targets", positions, (len(vertices), 3), dtype=np.float64)
+    shares = np.tile(np.array([1.0, 0.0, 0.0]), (len(vertices), 1))
+    return Targets(np.repeat(vertices[:, None], 3, axis=1), shares, goals)
+
+
+def _on_surface(mesh: Mesh, vertices: Float64, scan: Float64) -> Targets:
+    """Return the points of the posed surface that are nearest to the points of a scan, among faces at near vertices."""
+    from scipy.spatial import cKDTree
+    from trimesh.triangles import closest_point
+
+    used = np.unique(mesh.faces)
+    if not len(used):
+        raise ArgumentError("targets", "must be vertices and positions: the mesh has no faces")
+    first = used[cKDTree(vertices[used]).query(scan)[1]]
+    order = np.argsort(mesh.faces, axis=None, kind="stable")
+    begins = np.searchsorted(mesh.faces.ravel()[order], np.arange(len(vertices) + 1))
+    counts = np.diff(begins)[first]
+    owner = np.repeat(np.arange(len(scan)), counts)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    faces = order[np.repeat(begins[first], counts) + within] // 3
+    triangles = vertices[mesh.faces[faces]]
+    nearest = closest_point(triangles, scan[owner])
+    apart = np.linalg.norm(nearest - scan[owner], axis=1)
+    best = np.lexsort((apart, owner))[np.cumsum(counts) - counts]
+    return Targets(mesh.faces[faces[best]].astype(np.int64), _barycentric(triangles[best], nearest[best]), scan)
+
+
+def _barycentric(triangles: Float64, points: Float64) -> Float64:
+    """Return the barycentric coordinates (N, 3) of points in triangles (N, 3, 3), in [0, 1]."""
+    u, v, w = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], points - triangles[:, 0]
+    uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
+    wu, wv = (w * u).sum(axis=1), (w * v).sum(axis=1)
+    area = np.maximum(uu * vv - uv * uv, 1e-300)
+    second, third = (vv * wu - uv * wv) / area, (uu * wv - uv * wu) / area
+    shares = np.clip(np.stack([1 - second - third, second, third], axis=1), 0.0, 1.0)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True), np.float64)
