@@ -76,7 +76,7 @@ def test_weights_are_those_of_the_formula(sessions, name, motion):
     mesh = session.mesh
     while session.undo():
         pass
-    handle = session.add(int((mesh.vertices @ (1, -3, 1)).argmax()), counterparts="only", **motion)
+    handle = session.add(int((mesh.vertices @ (1, -3, 1)).argmax()), follow="none", **motion)
     (component, *_) = session.bound.held(session.edit, session.handle(handle)).components
     wanted = np.zeros(len(mesh.vertices))
     wanted[component.core.vertices] = 1

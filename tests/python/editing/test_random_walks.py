@@ -34,7 +34,8 @@ def one_step(session, random, folder):
     }
     controls = {
         "level": int(random.integers(-1, 2)),
-        "counterparts": str(random.choice(["own_pivot", "shared_pivot", "only"])),
+        "counterparts": str(random.choice(["own_pivot", "shared_pivot"])),
+        "follow": str(random.choice(["all", "mirror", "none"])),
         "reach": float(random.uniform(0.5, 1.2)) if random.random() < 0.2 else "part",
         "detach": bool(random.random() < 0.2),
     }

@@ -104,7 +104,8 @@ def test_a_mask_lowers_counterparts_as_far_as_its_edge_says(animal, feather):
 def controls(random, size):
     """Return a random motion and random controls."""
     given = {"translation": 0.1 * size * random.normal(size=3), "level": int(random.integers(-2, 3))}
-    given["counterparts"] = str(random.choice(["own_pivot", "own_pivot", "shared_pivot", "only"]))
+    given["counterparts"] = str(random.choice(["own_pivot", "own_pivot", "shared_pivot"]))
+    given["follow"] = str(random.choice(["all", "all", "mirror", "none"]))
     given["detach"] = bool(random.random() < 0.1)
     if random.random() < 0.5:
         given["rotation"] = 40 * random.normal(size=3)
