@@ -332,6 +332,15 @@ class LadderMessage(Answer):
     steps: tuple[LadderStep, ...]
 
 
+class BendAxis(Model):
+    """The axis along which a part bends, for the equations of `dfd.posing.bend`."""
+
+    nodes: tuple[Vector, ...]  # points at equal distances from the base to the tip
+    radius: tuple[float, ...]  # distance of the surface from each of them
+    slender: bool  # if false, the part rotates as a whole about the first of the two nodes
+    carry: Frame  # matrix by rows that maps the handle's bend to the bend of the part
+
+
 class AxisMessage(Answer):
     """Answer to `axis`: the possible pivots of a handle, and the axis along which the handle's part bends."""
 
@@ -339,8 +348,7 @@ class AxisMessage(Answer):
     handle: int
     pivots: tuple[PivotAt, ...]
     auto: Vector  # position of the pivot "auto" on the resting shape
-    base: Vector | None  # start of the axis; null if the handle's part has no axis
-    tip: Vector | None  # end of the axis
+    bends: BendAxis | None  # null if the handle's part has no axis
 
 
 class DownloadMessage(Answer):

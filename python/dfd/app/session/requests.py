@@ -23,7 +23,7 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
-from dfd.editing.influence.bendable_parts import pivot_on
+from dfd.editing.influence.bendable_parts import BendablePart, pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.geometry.normals import updated_normals
@@ -132,13 +132,24 @@ def axis(session: Session, handle: int) -> messages.Answer:
     held = edit.handle(handle)
     part = next(iter(session.deformer.bound.bendable_parts(edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
-    auto, base, tip = held.place.position, None, None
+    auto, bends = held.place.position, None
     if part is not None:
         pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
         if edit.rules.pivot == "auto":
             auto = pivot_on(part, None, held, edit.symmetry)[0]
-        base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
-    return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
+        bends = _bend_axis(part)
+    return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, bends=bends)
+
+
+def _bend_axis(part: BendablePart) -> messages.BendAxis:
+    axis, carry = part.axis, part.amount * part.carry
+    nodes = axis.nodes if part.slender else np.stack([axis.base, axis.nodes[-1]])
+    return messages.BendAxis(
+        nodes=tuple(vector("axis", node) for node in nodes),
+        radius=tuple(axis.radius.tolist()),
+        slender=part.slender,
+        carry=tuple(vector("carry", row) for row in carry),  # type: ignore[arg-type]
+    )
 
 
 @request

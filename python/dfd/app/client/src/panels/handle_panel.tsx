@@ -11,7 +11,7 @@ import { columnsOf } from "../viewer/scene";
 import {
   Button,
   count,
-  KeyButton,
+  ActionButton,
   More,
   NumberRow,
   Panel,
@@ -44,7 +44,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const all = state.edit?.preset === "paper" ? "shared_pivot" : "own_pivot";
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   return (
-    <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
+    <Panel title={handleName(handle)} action={<ActionButton action="reset" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Toggle
         label="Move counterparts too"

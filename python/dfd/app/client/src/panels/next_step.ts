@@ -65,7 +65,7 @@ function words(state: State): string {
     return state.edit?.handles.length
       ? "Click a handle to change it, or another part to hold it · drag to orbit"
       : "Click a part to hold it: all parts like it follow · drag to orbit";
-  const bends = gizmo !== "bend" || axis?.handle !== selected || axis.tip !== null;
+  const bends = gizmo !== "bend" || axis?.handle !== selected || axis.bends !== null;
   if (!bends) return "This part cannot bend · [ ] smaller or larger part · W moves";
   const again = handle.moved ? "click another part · X keeps a point still · K stores a pose" : "[ ] smaller or larger";
   const modes = gizmo === "bend" ? "W moves" : "D bends";

@@ -3,7 +3,7 @@ import { useState } from "preact/hooks";
 import { applyMoment, changePose, leave, play, removePose, scrub } from "../actions/timeline";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, KeyButton, NumberField } from "../widgets/controls";
+import { Button, IconButton, ActionButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
   const { timeline, edit, playhead, playing, moment } = useParts();
@@ -22,7 +22,7 @@ export function Timeline() {
     <section class="timeline" aria-label="Timeline">
       <div class="timeline-tools">
         <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onPress={play} />
-        <KeyButton icon="add" keys="K" />
+        <ActionButton action="storePose" />
         {moment && (
           <>
             <Button text="Use this pose" style="primary small" onPress={applyMoment} />

@@ -6,7 +6,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Vec3 } from "../posing/affine";
 import type { View } from "../store/state";
 
-const FIELD_OF_VIEW = 38;
+export const FIELD_OF_VIEW = 38;
 /** At this field of view, all rays of the picture are parallel up to less than a pixel: the view is orthographic. */
 const NARROW_FIELD = 0.1;
 

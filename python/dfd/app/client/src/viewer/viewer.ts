@@ -18,7 +18,7 @@ import { weightOf } from "../posing/columns";
 import { draws, isolates, store, type Picked, type State } from "../store/state";
 import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
-import { drawMarks, marksOf } from "./overlays/marks";
+import { drawMarks, marksOf, ringMarks } from "./overlays/marks";
 import { Picker } from "./picker";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
@@ -42,8 +42,9 @@ export class Viewer {
       this.shape?.posed.update();
       this.shape?.fadeWires(this.stage.slopeOfPixel);
     };
-    this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
-    this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
+    this.stage.drawn = () =>
+      drawMarks(overlay, [...ringMarks(this.gizmo), ...this.marks], (point) => this.stage.project(point));
+    this.gizmo = new Gizmo(this.stage);
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     this.follow(overlay);
   }

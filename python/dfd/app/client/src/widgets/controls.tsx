@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
-import { shortcut, toggle } from "../actions/keyboard";
+import { ACTIONS, toggle, type ActionName } from "../actions/actions";
 import { useParts } from "../store/use";
 import { Icon, type IconName } from "./icons";
 
@@ -55,10 +55,14 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-/** A button for the action of a keyboard shortcut. */
-export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
-  const [, , label, run] = shortcut(keys) ?? [];
-  return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
+interface ActionButtonProps extends Pick<IconButtonProps, "pressed" | "disabled"> {
+  readonly action: ActionName & IconName;
+}
+
+/** A button for an action. */
+export function ActionButton({ action, ...rest }: ActionButtonProps) {
+  const { keys, label, run } = ACTIONS[action];
+  return <IconButton icon={action} label={label} keys={keys} onPress={run} {...rest} />;
 }
 
 interface ButtonProps {
