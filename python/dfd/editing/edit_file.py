@@ -55,7 +55,8 @@
               "joint": null
             }
           ],
-          "name": "up"
+          "name": "up",
+          "ease": false
         }
       ]
     }

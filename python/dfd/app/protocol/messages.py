@@ -118,6 +118,7 @@ class KeyPose(Model):
 
     name: Text
     seconds: Annotated[float, Field(ge=0)]
+    ease: bool = False  # whether motions slow down towards the pose and start slowly from it
     transforms: PoseTransforms
 
 
@@ -175,6 +176,7 @@ class RecentShape(Model):
     handles: int
     seconds: float  # time of the last change, since 1970
     present: bool  # whether the mesh is still there; if not, the user must open the file again
+    picture: str | None = None  # a small picture, as a data: URL
 
 
 class StartMessage(Answer):
@@ -270,7 +272,7 @@ class ProgressMessage(Answer):
     """The progress of background work. One estimate holds for all tasks until handles can be added."""
 
     type: Literal["progress"] = "progress"
-    task: Literal["open", "distill", "prepare"]
+    task: Literal["open", "distill", "prepare", "suggest"]
     stage: str  # the last stage of a task is "done", "cancelled" or "failed"
     text: str  # the stage for the user
     share: float | None  # share of the time that has passed; null if unknown
@@ -278,10 +280,11 @@ class ProgressMessage(Answer):
 
 
 class ReportMessage(Answer):
-    """The effect of the edit, as a sentence."""
+    """The effect of the edit: a short sentence, and sentences with details."""
 
     type: Literal["report"] = "report"
     text: str
+    details: tuple[str, ...]
 
 
 class Suggestion(Model):
@@ -319,7 +322,9 @@ class LadderStep(Model):
     """A part at a vertex, for `probe` and `add`."""
 
     level: int
-    text: str  # its name in the file, its number of components, and its size, in words
+    text: str  # its name in the file, its number of components, and its size, in words that no other step has
+    share: float  # area of its components, as a fraction of the surface
+    alike: int  # number of its components
     found: bool  # False if no part was found, so that a handle moves all surface within a feature distance
     leaves: bool  # whether a component of the surface touches the part, but is not in it
 
@@ -349,6 +354,25 @@ class AxisMessage(Answer):
     pivots: tuple[PivotAt, ...]
     auto: Vector  # position of the pivot "auto" on the resting shape
     bends: BendAxis | None  # null if the handle's part has no axis
+
+
+class Proposal(Model):
+    """Other controls that a handle could have, and how much of the surface it would then move."""
+
+    label: str
+    controls: dict[str, str | int]
+    share: float
+
+
+class ProposalsMessage(Answer):
+    """Answer to `propose`. Arrays: the posed shape with the controls of proposal i, as in `PositionsMessage`.
+
+    `positions{i}` is float32 (V, 3), and `normals{i}` is int16 (V, 4).
+    """
+
+    type: Literal["proposals"] = "proposals"
+    handle: int
+    proposals: tuple[Proposal, ...]
 
 
 class DownloadMessage(Answer):
@@ -411,13 +435,13 @@ class ColumnsMessage(Answer):
 
 
 class HeatMessage(Answer):
-    """Answer to `probe` and `take_part`, or exact weights after a `probe`.
+    """Answer to `probe`, `stays`, `preview` and `take_part`, or exact weights after a `probe`.
 
     The array `values` uint16 (V,) has weights times 65535.
     """
 
     type: Literal["heat"] = "heat"
-    vertex: int | None  # the vertex of the `probe`; null for `take_part`
+    vertex: int | None  # the vertex of `probe` or `stays`; null for other requests
     level: int = 0  # the level of the `probe`
     # Whether the values are those of a new handle. If not, they are an approximation, and exact ones follow if the
     # page sends no other request.

@@ -1,5 +1,6 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +19,9 @@ from dfd.geometry.topology import scene_parts_and_materials
 
 SAME = 0.98  # two parts count as one if they share at least this fraction of the mesh nodes that either contains
 MOST_KEPT = 64  # largest number of parts in the cache
+
+
+WHOLE = "the whole shape"
 
 
 class ShapeParts:
@@ -54,10 +58,15 @@ class ShapeParts:
         """Return the parts at a vertex from the smallest to the largest, one for each level."""
         lowest, highest = self._deformer.bound.parts.levels(vertex)
         scene_part = self._scene_part(vertex)
-        return tuple(self._step(vertex, level, *scene_part) for level in range(lowest, highest + 1))
+        steps = [self._step(vertex, level, *scene_part) for level in range(lowest, highest + 1)]
+        texts = _distinct([(step.text, step.alike, step.share) for step in steps])
+        return tuple(step.model_copy(update={"text": text}) for step, text in zip(steps, texts, strict=True))
 
     def _step(self, vertex: int, level: int, name: str, own: Bool) -> LadderStep:
-        """Return the part of a level. `name` and `own` (N,) are the result of `_scene_part`."""
+        """Return the part of a level. `name` and `own` (N,) are the result of `_scene_part`.
+
+        The text is only the name: "the whole shape", the name of the scene part, or empty.
+        """
         parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
         component = parts.components(vertex, level)
         found = component is not None
@@ -66,16 +75,13 @@ class ShapeParts:
             component[nodes.of_vertex[parts.part(vertex, level).vertices]] = 0
         inside, count = component >= 0, int(component.max()) + 1
         share = float(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
-        size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
-        alike = f"{count} alike, " if count > 1 else ""
         whole = bool(inside[nodes.used].all())
         same = any((own & part).sum() >= SAME * (own | part).sum() for part in (component == 0, inside))
-        named = f"{name}, " if name and same else ""
-        text = "the whole shape" if whole else f"{named}{alike}{size} % of the surface"
+        text = WHOLE if whole else name if same else ""
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
         leaves = not held[nodes.graph[inside].indices].all()
-        return LadderStep(level=level, text=text, found=found or whole, leaves=leaves)
+        return LadderStep(level=level, text=text, share=share, alike=count, found=found or whole, leaves=leaves)
 
     def _scene_part(self, vertex: int) -> tuple[str, Bool]:
         """Return the name of the scene part at a vertex, empty if there is only one, and its mesh nodes (N,)."""
@@ -147,3 +153,20 @@ class ShapeParts:
         if not isinstance(mask, VertexSet):
             return False
         return mask == handle.place.region or mask == self.of(handle)
+
+
+def _distinct(steps: Sequence[tuple[str, int, float]]) -> list[str]:
+    """Return the texts of steps: name, number of components, and share with as few digits as make them differ."""
+    for digits in range(4):
+        texts = [_described(*step, digits) for step in steps]
+        if len(set(texts)) == len(texts):
+            return texts
+    return texts
+
+
+def _described(name: str, alike: int, share: float, digits: int) -> str:
+    if name == WHOLE:
+        return WHOLE
+    least = 10.0**-digits
+    size = f"less than {least:.{digits}f}" if 100 * share < least / 2 else f"{100 * share:.{digits}f}"
+    return f"{f'{name}, ' if name else ''}{f'{alike} alike, ' if alike > 1 else ''}{size} % of the surface"

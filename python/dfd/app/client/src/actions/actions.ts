@@ -4,6 +4,7 @@ import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
 import * as edit from "./edit";
 import { chooseFiles } from "./files";
+import { take } from "./propose";
 import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
@@ -42,6 +43,7 @@ type Switch =
   | "wireframe"
   | "xray"
   | "isolated"
+  | "weights"
   | "more"
   | "inspector"
   | "help"
@@ -88,6 +90,9 @@ export const ACTIONS = {
   type: { keys: "G", group: "Handle", label: "Type a motion, such as G X 0.2 Enter", run: edit.startTyping },
   larger: { keys: "]", group: "Handle", label: "Larger part", run: () => edit.resize(1) },
   smaller: { keys: "[", group: "Handle", label: "Smaller part", run: () => edit.resize(-1) },
+  first: { keys: "Alt 1", group: "Handle", label: "Take the first proposal", run: () => take(0) },
+  second: { keys: "Alt 2", group: "Handle", label: "Take the second proposal", run: () => take(1) },
+  third: { keys: "Alt 3", group: "Handle", label: "Take the third proposal", run: () => take(2) },
   next: { keys: "N", group: "Handle", label: "Next handle", run: () => cycle(1) },
   previous: { keys: "Shift N", group: "Handle", label: "Previous handle", run: () => cycle(-1) },
   reset: {
@@ -119,6 +124,12 @@ export const ACTIONS = {
   wire: { keys: "Z", group: "View", label: "Wireframe", run: () => toggle("wireframe") },
   xray: { keys: "V", group: "View", label: "X-ray", run: () => toggle("xray") },
   isolate: { keys: "/", group: "View", label: "Show only the handle's part", run: () => toggle("isolated") },
+  weights: {
+    keys: "Y",
+    group: "View",
+    label: "Color what follows",
+    run: () => toggle("weights"),
+  },
   frame: { keys: "F", group: "View", label: "Frame the handle's part", run: look("selection") },
   frameShape: { keys: "Shift F", group: "View", label: "Frame the shape", run: look("shape") },
   front: { keys: "1", group: "View", label: "From the front", run: look("front") },

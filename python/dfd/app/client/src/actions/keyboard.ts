@@ -13,11 +13,11 @@ const NAMES: Record<string, string> = {
 };
 
 /** Return the keys of an event, spelled as in `ACTIONS`. */
-function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
+function keysOf({ key, code, ctrlKey, metaKey, altKey, shiftKey }: KeyboardEvent): string {
   // Shift and a digit give other characters, which depend on the keyboard layout.
   const name = /^(Numpad|Digit)\d$/.test(code) ? code.slice(-1) : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
   // Some keyboard layouts need Shift for "?" or "/", so Shift is ignored for these keys.
-  return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
+  return `${ctrlKey || metaKey ? "Ctrl " : ""}${altKey ? "Alt " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
 }
 
 /** `grabbed` returns the axis (0 to 2) of the gizmo that the pointer holds, or null. */

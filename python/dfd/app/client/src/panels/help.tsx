@@ -13,6 +13,11 @@ const POINTER: readonly Entry[] = [
   ["Shift Click", "Add the clicked part to the handle"],
   ["Ctrl Click", "Remove the clicked part from the handle"],
 ];
+const TOUCH: readonly Entry[] = [
+  ["Tap", "Add a handle, or select one"],
+  ["Finger", "Orbit; on the gizmo, move the handle"],
+  ["2 Fingers", "Zoom and pan"],
+];
 const GROUPS: readonly Action["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 function entriesOf(group: Action["group"]): readonly Entry[] {
   return LIST.filter((action) => action.group === group).map(({ keys, label }) => [keys, label]);
@@ -35,6 +40,7 @@ export function Help() {
         </header>
         <div class="key-groups">
           <KeyGroup title="Pointer" entries={POINTER} />
+          <KeyGroup title="Touch" entries={TOUCH} />
           {GROUPS.map((group) => (
             <KeyGroup key={group} title={group} entries={entriesOf(group)} />
           ))}

@@ -6,7 +6,7 @@ const TOOLS = ["hold", "fix", "paint", "box", "pivot"] as const;
 const MODES = ["translate", "rotate", "scale", "bend"] as const;
 
 export function Toolbar() {
-  const { edit, tool, gizmo, snap, local, xray, isolated, comparing, suggestions } = useParts();
+  const { edit, tool, gizmo, snap, local, xray, isolated, weights, comparing, suggestions } = useParts();
   const disabled = !ready({ edit });
   return (
     <nav class="toolbar" aria-label="Tools">
@@ -25,6 +25,7 @@ export function Toolbar() {
       <div role="group" aria-label="Shape">
         <ActionButton action="xray" pressed={xray} />
         <ActionButton action="isolate" pressed={isolated} disabled={disabled} />
+        <ActionButton action="weights" pressed={weights} disabled={disabled} />
         <ActionButton action="suggest" pressed={suggestions.length > 0} disabled={disabled} />
         <ActionButton action="compare" pressed={comparing} disabled={disabled} />
       </div>

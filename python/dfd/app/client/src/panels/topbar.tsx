@@ -5,7 +5,7 @@ import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { handleCount, IconButton, ActionButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
+import { handleCount, ActionButton, Menu, Segmented, titled, type MenuGroup, type MenuItem } from "../widgets/controls";
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -34,6 +34,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", narrow ? "" : "Ctrl O", chooseFiles],
+    ["Start fresh", "keeps this edit", ready({ edit }) ? () => send({ type: "start_fresh" }) : null],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
   const earlier = recent.map(({ key, name, handles, present }): MenuItem => {
@@ -63,6 +64,10 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     return [name, i === done ? "now" : "", i === done ? null : () => send({ type: "go", step: i })];
   });
   history.reverse();
+  const pictures: MenuItem[] = [
+    ["Save a picture", "PNG", () => viewer.screenshot()],
+    ["Without background", "PNG", () => viewer.screenshot(true)],
+  ];
   const undo = <ActionButton action="undo" disabled={!edit?.can_undo} />;
   const redo = <ActionButton action="redo" disabled={!edit?.can_redo} />;
   const inspect = <ActionButton action="inspector" pressed={inspector} />;
@@ -78,16 +83,17 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       () => store.set({ look: each }),
     ]);
     const short = (names: readonly ActionName[]) => actionItems(names, false);
-    const groups = [
-      [...open, ...saved],
-      earlier,
-      short(TOOLS),
-      short(["suggest", "compare", "timeline", "help"]),
-      shapes,
-      rigs,
-      looks,
-      ...VIEWS.map(short),
-      history,
+    const groups: MenuGroup[] = [
+      ["File", [...open, ...saved]],
+      ["Continue an edit", earlier],
+      ["What a tap does", short(TOOLS)],
+      ["Gizmo", short(["snap", "local"])],
+      ["Shape", short(["suggest", "compare", "weights", "xray", "isolate", "timeline", "help"])],
+      ["Export", [...shapes, ...rigs]],
+      ["Picture", pictures],
+      ["Look", looks],
+      ["View", VIEWS.flatMap(short)],
+      ["Steps", history],
     ];
     return (
       <header class="topbar">
@@ -95,7 +101,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         {name}
         {undo}
         {redo}
-        <Menu icon={gizmo} label="Motion" groups={[actionItems(MODES, false)]} />
+        <Menu icon={gizmo} label="Motion" groups={[["", actionItems(MODES, false)]]} />
         {inspect}
       </header>
     );
@@ -103,22 +109,38 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   return (
     <header class="topbar">
       <div class="bar-group">
-        <Menu icon="open" label="File" groups={[open, earlier, saved]} />
+        <Menu
+          icon="open"
+          label="File"
+          groups={[
+            ["", open],
+            ["Continue", earlier],
+            ["", saved],
+          ]}
+        />
         {name}
       </div>
       <div class="bar-group">
         {undo}
         {redo}
-        <Menu icon="steps" label="Steps" groups={[history]} />
+        <Menu icon="steps" label="Steps" groups={[["", history]]} />
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
-        <Menu icon="views" label="Views" groups={VIEWS.map((names) => actionItems(names))} />
+        <Menu icon="views" label="Views" groups={VIEWS.map((names) => ["", actionItems(names)] as const)} />
         <ActionButton action="wire" pressed={wireframe} />
       </div>
       <div class="bar-group end">
-        <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
-        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs]} />
+        <Menu icon="camera" label="Picture" groups={[["", pictures]]} />
+        <Menu
+          icon="save"
+          label="Export"
+          text="Export"
+          groups={[
+            ["The shape", shapes],
+            ["To animate", rigs],
+          ]}
+        />
         <ActionButton action="timeline" pressed={timeline} />
         <ActionButton action="help" />
         {inspect}
