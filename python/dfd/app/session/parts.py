@@ -156,11 +156,13 @@ class ShapeParts:
 
 
 def _distinct(steps: Sequence[tuple[str, int, float]]) -> list[str]:
-    """Return the texts of steps: name, number of components, and share with as few digits as make them differ."""
-    for digits in range(4):
-        texts = [_described(*step, digits) for step in steps]
-        if len(set(texts)) == len(texts):
-            return texts
+    """Return texts that differ: name, number of components, and share with as few digits as make the text differ."""
+    texts = [_described(*step, 0) for step in steps]
+    for digits in range(1, 5):
+        texts = [
+            _described(*step, digits) if texts.count(text) > 1 else text
+            for step, text in zip(steps, texts, strict=True)
+        ]
     return texts
 
 

@@ -69,6 +69,8 @@ export class Pointer {
   private released(event: PointerEvent): void {
     const { down, drawing } = this;
     if (down?.id !== event.pointerId) return;
+    cancelAnimationFrame(this.frame);
+    this.frame = 0;
     if (drawing === "box") this.stroke(event, true);
     if (drawing) store.set({ stroked: [event.clientX, event.clientY] });
     this.forget();

@@ -68,18 +68,30 @@ export class Viewer {
     });
   }
 
-  /** Return a small picture of the shape as a data: URL; with `posed`, of this pose. */
+  /** Return a small picture of the shape as a data: URL; with `posed`, of this pose around the selected handle. */
   thumbnail(posed?: Posed): string {
     const { stage, shape } = this;
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [240, 180];
-    const { width, height } = stage.canvas;
-    const size = Math.min(width / 4, height / 3);
+    const scale = stage.canvas.height / stage.height;
+    const [x, y] = stage.project(posed ? this.gizmo.proxy.position.toArray() : [0, 0, 0]) ?? [0, 0];
+    const radius = (shape?.radius ?? 1) / (stage.camera.position.distanceTo(stage.orbit.target) * stage.slopeOfPixel);
+    // A quarter of the width, and a third of the height, of what the picture shows.
+    const size = ((posed ? 1.1 : 2.1) * radius * scale) / 3;
     if (posed) shape?.setPosed(posed);
     this.bare(() => {
-      canvas
-        .getContext("2d")
-        ?.drawImage(stage.canvas, width / 2 - 2 * size, height / 2 - 1.5 * size, 4 * size, 3 * size, 0, 0, 240, 180);
+      const context = canvas.getContext("2d");
+      context?.drawImage(
+        stage.canvas,
+        x * scale - 2 * size,
+        y * scale - 1.5 * size,
+        4 * size,
+        3 * size,
+        0,
+        0,
+        240,
+        180,
+      );
     });
     if (posed) shape?.setPosed(store.get().posed);
     return canvas.toDataURL("image/jpeg", 0.8);
@@ -261,6 +273,7 @@ const POSED_BY = [
     "look",
   ] as const),
   ...([
+    "isolated",
     "hover",
     "ladders",
     "level",

@@ -136,7 +136,7 @@ test("the tip of a bent part follows the pointer, pixel by pixel", { timeout: 2 
   await press("Move");
 });
 
-test("each button of the toolbar runs the action of its name", { timeout: PATIENCE }, async () => {
+test("each button of the toolbar runs the action of its name", { timeout: 3 * PATIENCE }, async () => {
   await press("Suggest handles");
   await until(page, (s) => s.suggestions.length > 0);
   assert.equal(await state(page, (s) => s.typed), null);

@@ -46,7 +46,9 @@ describe("nextStep", () => {
   it("names no keys on a touch screen", () => {
     expect(nextStep(rests, true)).toMatch(/^Tap a part/);
     expect(nextStep(held, true)).toBe("2 of 3: part 0 · Drag an arrow · inspector: smaller or larger");
-    expect(nextStep(moved, true)).toBe("2 of 3: part 0 · Drag an arrow · tap another part · menu: fix points · menu: timeline");
+    expect(nextStep(moved, true)).toBe(
+      "2 of 3: part 0 · Drag an arrow · tap another part · menu: fix points · menu: timeline",
+    );
   });
 });
 
