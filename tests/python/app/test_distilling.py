@@ -190,6 +190,26 @@ def test_a_sample_needs_no_distillation(static: Path, data: Path) -> None:
     running.stop()
 
 
+@pytest.mark.processes
+def test_a_full_disk_does_not_stop_a_shape_whose_field_is_cached(
+    bare: RunningApp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = Page(bare)
+    first.open()
+    learned(first)
+    first.close()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Field, "save", full)
+    second = Page(bare)
+    second.open()
+    assert learned(second)["field"]["origin"] == "cache"
+    assert second.ask("add", at=5)["type"] == "done"
+    second.close()
+
+
 def test_the_time_left_never_grows(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])

@@ -1,6 +1,5 @@
 /** After each gesture, propose other controls for the moved handle, with pictures of the result. */
 
-import type { Controls } from "../protocol/messages";
 import { selectedHandle, store, type Posed } from "../store/state";
 import { ask } from "./connection";
 import { change } from "./edit";

@@ -80,7 +80,7 @@ async function picture(item) {
   const bytes = (await readFile(await download.path())).toString("base64");
   return page
     .evaluate(async (data) => {
-      const image = await createImageBitmap(new Blob([Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0))]));
+      const image = await window.createImageBitmap(new window.Blob([Uint8Array.from(window.atob(data), (letter) => letter.charCodeAt(0))]));
       const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
       context.drawImage(image, 0, 0);
       const { data: pixels } = context.getImageData(0, 0, image.width, image.height);
