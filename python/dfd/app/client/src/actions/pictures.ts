@@ -1,7 +1,7 @@
 /** Send a small picture of the edit for the start page, some time after it was saved. */
 
 import { store } from "../store/state";
-import { send } from "./connection";
+import { ask } from "./connection";
 
 /** Milliseconds of rest after which a picture is made, because drawing takes time. */
 const REST = 1200;
@@ -10,7 +10,8 @@ export function keepPictures(draw: () => string): void {
   let timer = 0;
   const keep = () => {
     const { saved, drawn, dragging, moment, page } = store.get();
-    if (saved && drawn && !dragging && !moment && page === "shape") send({ type: "keep_picture", picture: draw() });
+    if (saved && drawn && !dragging && !moment && page === "shape")
+      void ask({ type: "keep_picture", picture: draw() }, true);
   };
   store.watch(
     ({ saved, mesh }) => [saved, mesh],

@@ -4,8 +4,8 @@ import { selectedHandle, store, type Posed } from "../store/state";
 import { ask } from "./connection";
 import { change } from "./edit";
 
-/** Largest number of vertices for which the server sends other poses. */
-const MOST_VERTICES = 300_000;
+/** Largest number of vertices for which the server sends other poses: 3 MB for each of three. */
+const MOST_VERTICES = 150_000;
 /** Milliseconds after a gesture before the server is asked, so that a next gesture is not delayed. */
 const PAUSE = 250;
 
@@ -29,6 +29,8 @@ export function proposeAfterDrags(draw: (posed: Posed) => string): void {
 }
 
 async function propose(draw: (posed: Posed) => string): Promise<void> {
+  // Wait for the state after the gesture.
+  while (store.get().ahead.size > 0 && !store.get().dragging) await new Promise((next) => setTimeout(next, PAUSE));
   const { mesh, edit, dragging, tool } = store.get();
   const handle = selectedHandle(store.get());
   if (!handle?.moved || !mesh || mesh.vertices > MOST_VERTICES || dragging || tool !== "hold") return;

@@ -9,7 +9,7 @@ export function StatusLine() {
   const state = useParts();
   const { link, dragging, report, ahead, saved, busy, drawn, progress } = state;
   const said = report && !dragging ? report.text : "";
-  const opens = !drawn || !ready(state) || progress?.task === "open" || progress?.task === "prepare";
+  const opens = !drawn || !ready(state) || progress?.task === "open";
   const kept = saved && ahead.size === 0;
   return (
     <footer class="status">

@@ -28,7 +28,7 @@ test(
         const sign = document.querySelector(".card.progress progress") !== null;
         const said = document.querySelector(".status .link")?.textContent;
         if (waits && !sign) window.bare.push("no bar");
-        if (waits && said === "Saved") window.bare.push("Saved");
+        if (!(drawn && edit?.field.status === "ready") && said === "Saved") window.bare.push("Saved");
         if (!uploading && (waits || sign)) window.signs = (window.signs ?? 0) + 1;
         if (waits || page !== "shape") setTimeout(look, 10);
       };

@@ -80,7 +80,9 @@ async function picture(item) {
   const bytes = (await readFile(await download.path())).toString("base64");
   return page
     .evaluate(async (data) => {
-      const image = await window.createImageBitmap(new window.Blob([Uint8Array.from(window.atob(data), (letter) => letter.charCodeAt(0))]));
+      const image = await window.createImageBitmap(
+        new window.Blob([Uint8Array.from(window.atob(data), (letter) => letter.charCodeAt(0))]),
+      );
       const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
       context.drawImage(image, 0, 0);
       const { data: pixels } = context.getImageData(0, 0, image.width, image.height);
@@ -182,6 +184,38 @@ test("after a gesture, proposals are taken by one click or key", { timeout: 2 * 
   const [first] = await state(page, (s) => s.proposals.choices.map(({ controls }) => controls));
   await page.keyboard.press("Alt+1");
   await until(page, `(s) => Object.entries(${JSON.stringify(first)}).every(([k, v]) => s.edit.handles[0][k] === v)`);
+});
+
+test("who follows can be chosen if the server has this control", { timeout: PATIENCE }, async () => {
+  assert.equal(await page.getByRole("group", { name: "Who follows" }).count(), 0);
+  await page.getByRole("switch", { name: "Move counterparts too" }).waitFor();
+  const sent = page.evaluate(
+    () =>
+      new Promise((resolve) => {
+        const { send } = window.WebSocket.prototype;
+        window.WebSocket.prototype.send = function (text) {
+          if (!text.includes('"follow"')) return send.call(this, text);
+          window.WebSocket.prototype.send = send;
+          resolve(JSON.parse(text));
+        };
+      }),
+  );
+  await page.evaluate(() => {
+    const { session } = window.dfd.store.get();
+    const entry = { name: "follow", label: "Follow", hint: "", kind: "choice", slider: null };
+    const controls = [...session.controls, { ...entry, choices: ["all", "mirror", "none"] }];
+    window.dfd.store.set({ session: { ...session, controls } });
+  });
+  const group = page.getByRole("group", { name: "Who follows" });
+  assert.deepEqual(await group.getByRole("button").allTextContents(), ["All alike", "Mirrored", "Only this"]);
+  assert.equal(await page.getByRole("switch", { name: "Move counterparts too" }).count(), 0);
+  await group.getByRole("button", { name: "Only this" }).click();
+  assert.deepEqual((await sent).controls, { follow: "none" });
+  await page.evaluate(() => {
+    const { session } = window.dfd.store.get();
+    const controls = session.controls.filter(({ name }) => name !== "follow");
+    window.dfd.store.set({ session: { ...session, controls }, busy: false });
+  });
 });
 
 test("key poses: chosen, replaced, dragged to another moment, eased", { timeout: 2 * PATIENCE }, async () => {
