@@ -33,7 +33,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     state = page.last("state")
     assert state["handles"][0]["name"] == "foot"
     assert page.last("columns")["columns"] == [each["column"] for each in state["handles"][0]["columns"]]
-    assert "Moved" in page.until(lambda message: message["type"] == "report")["text"]
+    assert " moved by 0.3" in page.until(lambda message: message["type"] == "report")["text"]
     deformer.add(5, translation=(0, -0.3, 0))
     answer = page.ask("compute")
     np.testing.assert_allclose(
