@@ -14,6 +14,7 @@ import trimesh
 from app_page import Page
 
 import dfd
+from dfd.app.session import preparation
 from dfd.app.session.parts import WHOLE, ShapeParts, _distinct
 from dfd.editing.deformer import Deformer
 from dfd.editing.presets import PRESETS
@@ -360,8 +361,10 @@ def test_suggestions_are_found_once_and_in_the_background(new_page: Page, monkey
         return cut(parts)
 
     monkeypatch.setattr(Parts, "cut", slow)
+    for shared in preparation._SHARED.values():
+        shared.cut = None
     assert new_page.ask("suggest")["type"] == "done"
-    assert new_page.until(lambda each: each["type"] == "progress")["text"] == "Finding places for handles"
+    assert new_page.last("progress")["text"] == "Finding places for handles"
     assert new_page.ask("add", at=5)["type"] == "done", "the session goes on meanwhile"
     begun.set()
     first = new_page.until(lambda each: each["type"] == "suggestions")["suggestions"]

@@ -7,7 +7,6 @@ from dfd.app.session.parts import ShapeParts
 from dfd.editing.controls import CONTROLS
 from dfd.editing.deformer import Deformer
 from dfd.editing.presets import PRESETS
-from dfd.editing.verbs import next_level
 
 FOLLOWERS = {"none": "Only this", "mirror": "Mirrored", "all": "All alike"}
 
@@ -30,7 +29,7 @@ def proposals(deformer: Deformer, parts: ShapeParts, handle: int) -> Iterator[tu
         yield FOLLOWERS["none"], {"counterparts": "only"}
     for step, label in ((-1, "Smaller"), (1, "Larger")):
         try:
-            level = next_level(deformer.bound, parts.origin(own), own.controls.level, step)
+            level = parts.next_level(parts.origin(own), own.controls.level, step)
         except ValueError:
             continue
         yield label, {"level": level}
