@@ -16,7 +16,7 @@ export function receive({ message, payload }: Received): void {
       store.set({ session: message });
       break;
     case "start":
-      store.set({ ...CLOSED, page: "start", recent: message.recent });
+      store.set({ ...CLOSED, page: "start", progress: null, recent: message.recent });
       break;
     case "mesh":
       store.set({

@@ -77,7 +77,7 @@ export class Viewer {
     const [x, y] = stage.project(posed ? this.gizmo.proxy.position.toArray() : [0, 0, 0]) ?? [0, 0];
     const radius = (shape?.radius ?? 1) / (stage.camera.position.distanceTo(stage.orbit.target) * stage.slopeOfPixel);
     // A quarter of the width, and a third of the height, of what the picture shows.
-    const size = ((posed ? 1.1 : 2.1) * radius * scale) / 3;
+    const size = ((posed ? 1.1 : 2.4) * radius * scale) / 3;
     if (posed) shape?.setPosed(posed);
     this.bare(() => {
       const context = canvas.getContext("2d");

@@ -37,6 +37,7 @@ test("an edit of a sample is kept with a picture, and the sample begins anew", {
   await page.waitForTimeout(3000); // the picture is made after a rest
   await close();
   assert.equal(await recent().count(), 1);
+  assert.equal(await page.locator(".card.progress").count(), 0, "the work for the closed shape is still shown");
   const drawn = await page.locator(".recent img").evaluate((image) => image.decode().then(() => image.naturalWidth));
   assert.equal(drawn, 240);
   await shot(page, "start_recent");

@@ -93,6 +93,8 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   await page.getByRole("menuitem").first().waitFor();
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
     assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
+  const list = await page.locator(".menu-list").boundingBox();
+  assert.deepEqual([list.x, list.width, Math.round(list.y + list.height)], [0, 390, 844], "the menu is no sheet");
   const titles = await page.locator(".menu-title:visible").allTextContents();
   for (const title of ["File", "What a tap does", "Export", "View"]) assert.ok(titles.includes(title), title);
   await assertLarge('[role="menuitem"], .topbar button');
