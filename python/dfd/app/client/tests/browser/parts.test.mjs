@@ -31,6 +31,7 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await until(page, (s) => s.edit.handles[0].level === 1);
     const steps = page.getByRole("group", { name: "Size of the part" }).getByRole("button");
     const ladder = await state(page, (s) => s.ladders.get(s.edit.handles[0].origin).steps);
+    await steps.first().waitFor();
     assert.equal(await steps.count(), ladder.length);
     assert.equal(new Set(ladder.map(({ text }) => text)).size, ladder.length, "two steps have the same words");
     const usual = ladder.findIndex(({ level: each }) => each === 0);
@@ -70,10 +71,12 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
         const { at } = await visibleVertex(page, [each]).catch(() => ({ at: null }));
         if (!at) continue;
         await click(at, key);
-        await page.waitForTimeout(300);
+        await page.waitForTimeout(400);
+        await until(page, (s) => !s.busy);
         if (wanted(await region())) return region();
       }
-      assert.fail(`${key} and a click never changed the region of ${await region()}`);
+      const said = await state(page, (s) => s.toasts.map(({ text }) => text));
+      assert.fail(`${key} and a click never changed the region of ${await region()}: ${said}`);
     };
     const grown = await clickUntil("Shift", (size) => size > 0);
     await clickUntil("Control", (size) => size < grown);
