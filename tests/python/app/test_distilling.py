@@ -197,7 +197,6 @@ def test_a_full_disk_does_not_stop_a_shape_whose_field_is_cached(
     first = Page(bare)
     first.open()
     learned(first)
-    first.close()
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -207,7 +206,8 @@ def test_a_full_disk_does_not_stop_a_shape_whose_field_is_cached(
     second.open()
     assert learned(second)["field"]["origin"] == "cache"
     assert second.ask("add", at=5)["type"] == "done"
-    second.close()
+    for page in (first, second):
+        page.close()
 
 
 def test_the_time_left_never_grows(monkeypatch: pytest.MonkeyPatch) -> None:
