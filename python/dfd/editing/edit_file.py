@@ -57,7 +57,8 @@
               "joint": null
             }
           ],
-          "name": "up"
+          "name": "up",
+          "ease": false
         }
       ]
     }

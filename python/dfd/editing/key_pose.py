@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -51,6 +51,8 @@ class KeyPose:
         units. All other handles are at rest.
     name
         Name for display. A glTF file has it only as the name of a morph target.
+    ease
+        Whether motions slow down towards the pose and start slowly from it. Otherwise, their speed is constant.
 
     Raises ValueError if `seconds` is not a number or is negative, or `name` is no text that a file can store. Raises
     ValueError if a key of `transforms` is not a handle's id, or a value is not a transform.
@@ -61,6 +63,7 @@ class KeyPose:
         default_factory=dict
     )
     name: Annotated[str, About("Name for display. A glTF file has it only as the name of a morph target.")] = ""
+    ease: Annotated[bool, About("Whether motions slow down towards the pose and start slowly from it.")] = False
 
     def __post_init__(self) -> None:
         keep = object.__setattr__
@@ -68,6 +71,8 @@ class KeyPose:
         name: object = self.name
         if not isinstance(name, str) or any("\ud800" <= letter <= "\udfff" for letter in name):
             raise ArgumentError("name", f"must be text that can be written to a file, got {self.name!r}", "KeyPose")
+        if not isinstance(self.ease, bool):
+            raise ArgumentError("ease", f"must be True or False, got {self.ease!r}", "KeyPose")
         given = self.transforms
         if isinstance(given, tuple) and all(isinstance(each, PosedHandle) for each in given):
             ids = [each.handle for each in given]
@@ -88,12 +93,12 @@ class KeyPose:
         keep(self, "transforms", MappingProxyType(found))
 
     def __hash__(self) -> int:
-        return hash((self.seconds, tuple(self.transforms.items()), self.name))
+        return hash((self.seconds, tuple(self.transforms.items()), self.name, self.ease))
 
     def without(self, handle: int) -> KeyPose:
         """Return the pose without the transform of a handle."""
         kept = {known: transform for known, transform in self.transforms.items() if known != handle}
-        return KeyPose(self.seconds, kept, self.name)
+        return replace(self, transforms=kept)
 
 
 _MOTIONS = tuple(name for name in about(Transform) if name != "linear")

@@ -57,8 +57,8 @@ def export_rig(
         weights of a vertex are kept and divided by their sum. "all" keeps all weights. Weights after the fourth are
         stored in further vertex attributes, which few programs can read.
     poses
-        Key poses, ordered by time. They become an animation with linear interpolation. By default, they are those of
-        the edit, which the form "baked" leaves out. An empty list writes no animation.
+        Key poses, ordered by time. They become an animation: cubic if a pose eases, or else linear. By default, they
+        are those of the edit, which the form "baked" leaves out. An empty list writes no animation.
 
     Returns
     -------

@@ -72,6 +72,7 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "index.html").write_text("<!doctype html><title>dfd</title>")
     (folder / "assets").mkdir()
     (folder / "assets" / "index-1a2b.js").write_text("export {}")
+    (folder / "assets" / "large-3c4d.js").write_text("export const numbers = [];\n" * 1000)
     return folder
 
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import base64
 import json
+import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 from app_page import Page
 
 import dfd
-from dfd.app.session.parts import ShapeParts
+from dfd.app.session import preparation
+from dfd.app.session.parts import WHOLE, ShapeParts, _distinct
 from dfd.editing.deformer import Deformer
 from dfd.editing.presets import PRESETS
 from dfd.field.geometry_field import geometry_field
+from dfd.segmentation.parts import Parts
 from dfd.symmetry.search import symmetry_planes
 
 UNBENT = {"bend": [0, 0, 0], "twist": 0, "joint": None}
@@ -29,7 +34,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     state = page.last("state")
     assert state["handles"][0]["name"] == "foot"
     assert page.last("columns")["columns"] == [each["column"] for each in state["handles"][0]["columns"]]
-    assert "Moved" in page.until(lambda message: message["type"] == "report")["text"]
+    assert " moved by 0.3" in page.until(lambda message: message["type"] == "report")["text"]
     deformer.add(5, translation=(0, -0.3, 0))
     answer = page.ask("compute")
     np.testing.assert_allclose(
@@ -248,11 +253,13 @@ def test_the_newest_probe_is_answered(page: Page) -> None:
 def test_features_suggestions_and_poses(page: Page) -> None:
     colors = page.ask("features")["arrays"]["colors"]
     assert len(np.unique(colors[:, :3], axis=0)) > 100
-    suggestions = page.ask("suggest")["suggestions"]
+    page.ask("suggest")
+    suggestions = page.until(lambda each: each["type"] == "suggestions")["suggestions"]
     assert 1 <= len({each["vertex"] for each in suggestions}) == len(suggestions) <= 12
     pose = {
         "name": "one",
         "seconds": 1.5,
+        "ease": True,
         "transforms": [{"handle": page.hold(5), "translation": [0, 1, 0], **REST, "pivot_at": None, **UNBENT}],
     }
     page.ask("set_poses", poses=[pose])
@@ -345,3 +352,82 @@ def test_planes_of_another_preset_are_found_when_it_is_chosen(new_page: Page, de
     assert found["preset"] == "paper"
     assert [tuple(each["normal"]) for each in found["planes"]] == [plane.normal for plane in wanted]
     assert wanted, "the chair has two sides that look alike"
+
+
+def test_suggestions_are_found_once_and_in_the_background(new_page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, cut, count = threading.Event(), Parts.cut, []
+
+    def slow(parts: Parts) -> Any:
+        count.append(1)
+        assert begun.wait(60)
+        return cut(parts)
+
+    monkeypatch.setattr(Parts, "cut", slow)
+    for shared in preparation._SHARED.values():
+        shared.cut = None
+    assert new_page.ask("suggest")["type"] == "done"
+    assert new_page.last("progress")["text"] == "Finding places for handles"
+    assert new_page.ask("add", at=5)["type"] == "done", "the session goes on meanwhile"
+    begun.set()
+    first = new_page.until(lambda each: each["type"] == "suggestions")["suggestions"]
+    new_page.ask("suggest")
+    again = new_page.last("suggestions")["suggestions"]
+    assert first == again
+    assert count == [1]
+
+
+def test_a_preview_shows_what_other_controls_would_move(page: Page, deformer: Deformer) -> None:
+    handle = page.hold(5)
+    before = page.last("state")["handles"]
+    shown = page.ask("preview", handle=handle, controls={"level": 1, "reach": "part"})["arrays"]["values"]
+    assert page.last("state")["handles"] == before, "a preview changes nothing"
+    page.ask("change", handle=handle, controls={"level": 1, "reach": "part"})
+    own = deformer.add(5, level=1)
+    wanted = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(own))]
+    np.testing.assert_allclose(shown / 65535, wanted, atol=1e-4)
+
+
+def test_what_a_fixed_point_keeps_in_place_is_shown(page: Page, deformer: Deformer) -> None:
+    shown = page.ask("stays", vertex=5)["arrays"]["values"] / 65535
+    assert shown[5] == 1
+    assert page.ask("stays")["arrays"]["values"].max() == 0
+    page.ask("fix", at=5)
+    np.testing.assert_array_equal(page.ask("stays")["arrays"]["values"] / 65535, shown)
+    deformer.fix(5)
+    np.testing.assert_allclose(shown, deformer.bound.by_features.subtracted(deformer.fixed), atol=1e-4)
+
+
+def test_proposals_show_the_shape_as_their_controls_would_pose_it(page: Page) -> None:
+    handle = page.hold(5, translation=[0, -0.3, 0])
+    before = page.last("state")["handles"][0]
+    answer = page.ask("propose", handle=handle)
+    assert 1 <= len(answer["proposals"]) <= 4
+    assert page.last("state")["handles"][0] == before, "a proposal changes nothing"
+    assert len({each["label"] for each in answer["proposals"]}) == len(answer["proposals"])
+    now = page.ask("compute")["arrays"]["positions"]
+    for number, proposal in enumerate(answer["proposals"]):
+        assert page.ask("change", handle=handle, controls=proposal["controls"])["type"] == "done"
+        taken = page.ask("compute")["arrays"]["positions"]
+        np.testing.assert_allclose(answer["arrays"][f"positions{number}"], taken, atol=1e-6)
+        assert np.abs(taken - now).max() > 1e-3, "a proposal that changes nothing is no proposal"
+        page.ask("undo")
+
+
+def test_the_steps_of_a_ladder_differ_in_words(page: Page) -> None:
+    for vertex in (5, 40, 200):
+        steps = page.ask("ladder", vertex=vertex)["steps"]
+        assert len({each["text"] for each in steps}) == len(steps)
+        assert all(0 < each["share"] <= 1 and each["alike"] >= 1 for each in steps)
+        shares = [each["share"] for each in steps]
+        assert shares[0] < shares[-1] or len(steps) == 1
+
+
+def test_shares_get_more_digits_only_where_words_are_the_same() -> None:
+    steps = [("", 2, 0.0163), ("", 2, 0.0231), ("", 2, 0.12), ("head", 1, 0.12), (WHOLE, 1, 1.0)]
+    assert _distinct(steps) == [
+        "2 alike, 1.6 % of the surface",
+        "2 alike, 2.3 % of the surface",
+        "2 alike, 12 % of the surface",
+        "head, 12 % of the surface",
+        "the whole shape",
+    ]

@@ -25,6 +25,9 @@ def test_the_page_and_its_files(app: RunningApp) -> None:
         assert script.headers["content-type"].startswith("text/javascript")
         assert "immutable" in script.headers["cache-control"]
         assert http.get("/").headers["cache-control"] == "no-store"
+        large = http.get("/assets/large-3c4d.js", headers={"Accept-Encoding": "gzip"})
+        assert large.headers["content-encoding"] == "gzip"
+        assert len(large.text) > 10 * int(large.headers["content-length"])
         for path in ("/../conftest.py", "/..%2fconftest.py", "/%2e%2e/conftest.py", "//etc/passwd", "/assets/"):
             assert http.get(path).status_code in (404, 405), path
 

@@ -15,7 +15,7 @@ from dfd.posing.transforms import Transform
 @pytest.fixture
 def edit(mesh):
     turned = Transform(rotation=(0, 90, 0), pivot=(0, 0, 1), pivot_at="base", bend=(0, 0, 5), joint=0.5)
-    poses = (dfd.KeyPose(0, {1: Transform((0, 1, 0))}, "up"), dfd.KeyPose(1.5, {1: Transform(), 3: turned}))
+    poses = (dfd.KeyPose(0, {1: Transform((0, 1, 0))}, "up", ease=True), dfd.KeyPose(1.5, {1: Transform(), 3: turned}))
     return Edit((Handle(1, place_on(mesh, 4)), Handle(3, place_on(mesh, 2))), poses=poses)
 
 
@@ -106,3 +106,10 @@ def test_a_removed_handle_leaves_the_poses_and_undo_brings_it_back(edit, mesh, f
 def test_bad_poses_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         dfd.KeyPose(*arguments)
+
+
+def test_a_pose_eases_or_not():
+    assert dfd.KeyPose(1, ease=True) != dfd.KeyPose(1)
+    assert dfd.KeyPose(1, {1: Transform()}, ease=True).without(1) == dfd.KeyPose(1, ease=True)
+    with pytest.raises(ValueError, match="KeyPose: `ease` must be True or False, got 'in'"):
+        dfd.KeyPose(1, ease="in")

@@ -24,15 +24,21 @@ class Glb:
         stride = view.byteStride or dtype.itemsize * width
         return np.ndarray((accessor.count, width), dtype, self.blob, start, (stride, dtype.itemsize)).copy()
 
-    def channels(self, name, seconds):
-        """Return the values that the animation `name` sets at one of its keys, by node and path."""
+    def channels(self, name, seconds, interpolation="LINEAR"):
+        """Return the values that the animation `name` sets at one of its keys, by node and path.
+
+        With `interpolation` "CUBICSPLINE", `seconds` may also lie between keys.
+        """
         found = {}
         for animation in self.file.animations:
             for channel in animation.channels if animation.name == name else ():
                 sampler = animation.samplers[channel.sampler]
-                assert sampler.interpolation == "LINEAR"
+                assert sampler.interpolation == interpolation
                 times = self.read(sampler.input)[:, 0]
                 values = self.read(sampler.output).astype(float)
+                if interpolation == "CUBICSPLINE":
+                    found[channel.target.node, channel.target.path] = spline(times, values, seconds)
+                    continue
                 (key,) = np.flatnonzero(times == np.float32(seconds))
                 found[channel.target.node, channel.target.path] = values.reshape(len(times), -1)[key]
         return found
@@ -100,3 +106,14 @@ class Glb:
         sets = sum(name.startswith("WEIGHTS_") and names[name] is not None for name in names)
         joints, weights = ([self.read(names[f"{kind}_{n}"]) for n in range(sets)] for kind in ("JOINTS", "WEIGHTS"))
         return np.concatenate(joints, axis=1), np.concatenate(weights, axis=1).astype(float)
+
+
+def spline(times, values, seconds):
+    """Return the value at a time by glTF's cubic Hermite spline: each key has a tangent, a value and a tangent."""
+    before, at, after = values.reshape(len(times), 3, -1).transpose(1, 0, 2)
+    key = min(int(np.searchsorted(times, np.float32(seconds), side="right")) - 1, len(times) - 2)
+    span = float(times[key + 1] - times[key])
+    t = (seconds - float(times[key])) / span
+    found = (2 * t**3 - 3 * t**2 + 1) * at[key] + span * (t**3 - 2 * t**2 + t) * after[key]
+    found += (-2 * t**3 + 3 * t**2) * at[key + 1] + span * (t**3 - t**2) * before[key + 1]
+    return found / np.linalg.norm(found) if values.shape[-1] == 4 else found

@@ -162,6 +162,29 @@ def test_key_poses_become_an_animation(session, tmp_path):
     assert np.abs(glb.triangles() - session.vertices[session.mesh.faces]).max() < 5e-6 * report.size
 
 
+def test_poses_that_ease_become_a_cubic_animation(session, tmp_path):
+    one = session.add(40, strength=0.5)
+    up = {one: Transform(translation=(0, 1, 0), rotation=(0, 170, 0))}
+    poses = [dfd.KeyPose(1, {}, ease=True), dfd.KeyPose(2, up, ease=True), dfd.KeyPose(4, {})]
+    dfd.export_rig(session, tmp_path / "rig.glb", influences="all", poses=poses)
+    glb = Glb(tmp_path / "rig.glb")
+
+    def height(seconds):
+        found = glb.channels("dfd key poses", seconds, "CUBICSPLINE")
+        own = [value[1] for (_, path), value in found.items() if path == "translation"]
+        return max(own, key=abs)
+
+    start, top = height(1), height(2)
+    part = lambda seconds: (height(seconds) - start) / (top - start)  # noqa: E731
+    assert abs(part(1.5) - 0.5) < 1e-5
+    assert abs(part(1.1) - (3 * 0.01 - 2 * 0.001)) < 1e-5, "the motion begins slowly"
+    assert part(2.1) > 0.99, "it ends slowly at a pose that eases"
+    assert 0.04 < part(3.9) < 0.09, "it does not slow down at a pose that does not"
+    (turn,) = [value for (_, path), value in glb.channels("dfd key poses", 2, "CUBICSPLINE").items()
+               if path == "rotation" and abs(value[1]) > 0.5]  # fmt: skip
+    assert abs(abs(turn[1]) - np.sin(np.radians(85))) < 1e-5
+
+
 def test_parts_stand_at_the_root_without_a_transform(tmp_path, make_session):
     """The file has a square and two instances of a cube. One instance is rotated, scaled and translated."""
     session = make_session(dfd.load(scene_of_three(tmp_path)))

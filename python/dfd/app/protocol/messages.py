@@ -118,6 +118,7 @@ class KeyPose(Model):
 
     name: Text
     seconds: Annotated[float, Field(ge=0)]
+    ease: bool = False  # whether motions slow down towards the pose and start slowly from it
     transforms: PoseTransforms
 
 
@@ -176,6 +177,7 @@ class RecentShape(Model):
     handles: int
     seconds: float  # time of the last change, since 1970
     present: bool  # whether the mesh is still there; if not, the user must open the file again
+    picture: str | None = None  # a small picture, as a data: URL
 
 
 class StartMessage(Answer):
@@ -271,7 +273,7 @@ class ProgressMessage(Answer):
     """The progress of background work. One estimate holds for all tasks until handles can be added."""
 
     type: Literal["progress"] = "progress"
-    task: Literal["open", "distill", "prepare"]
+    task: Literal["open", "distill", "prepare", "suggest"]
     stage: str  # the last stage of a task is "done", "cancelled" or "failed"
     text: str  # the stage for the user
     share: float | None  # share of the time that has passed; null if unknown
@@ -279,10 +281,11 @@ class ProgressMessage(Answer):
 
 
 class ReportMessage(Answer):
-    """The effect of the edit, as a sentence."""
+    """The effect of the edit: a short sentence, and sentences with details."""
 
     type: Literal["report"] = "report"
     text: str
+    details: tuple[str, ...]
 
 
 class Suggestion(Model):
@@ -320,7 +323,9 @@ class LadderStep(Model):
     """A part at a vertex, for `probe` and `add`."""
 
     level: int
-    text: str  # its name in the file, its number of components, and its size, in words
+    text: str  # its name in the file, its number of components, and its size, in words that no other step has
+    share: float  # area of its components, as a fraction of the surface
+    alike: int  # number of its components
     found: bool  # False if no part was found, so that a handle moves all surface within a feature distance
     leaves: bool  # whether a component of the surface touches the part, but is not in it
 
@@ -333,6 +338,15 @@ class LadderMessage(Answer):
     steps: tuple[LadderStep, ...]
 
 
+class BendAxis(Model):
+    """The axis along which a part bends, for the equations of `dfd.posing.bend`."""
+
+    nodes: tuple[Vector, ...]  # points at equal distances from the base to the tip
+    radius: tuple[float, ...]  # distance of the surface from each of them
+    slender: bool  # if false, the part rotates as a whole about the first of the two nodes
+    carry: Frame  # matrix by rows that maps the handle's bend to the bend of the part
+
+
 class AxisMessage(Answer):
     """Answer to `axis`: the possible pivots of a handle, and the axis along which the handle's part bends."""
 
@@ -340,8 +354,26 @@ class AxisMessage(Answer):
     handle: int
     pivots: tuple[PivotAt, ...]
     auto: Vector  # position of the pivot "auto" on the resting shape
-    base: Vector | None  # start of the axis; null if the handle's part has no axis
-    tip: Vector | None  # end of the axis
+    bends: BendAxis | None  # null if the handle's part has no axis
+
+
+class Proposal(Model):
+    """Other controls that a handle could have, and how much of the surface it would then move."""
+
+    label: str
+    controls: dict[str, str | int]
+    share: float
+
+
+class ProposalsMessage(Answer):
+    """Answer to `propose`. Arrays: the posed shape with the controls of proposal i, as in `PositionsMessage`.
+
+    `positions{i}` is float32 (V, 3), and `normals{i}` is int16 (V, 4).
+    """
+
+    type: Literal["proposals"] = "proposals"
+    handle: int
+    proposals: tuple[Proposal, ...]
 
 
 class DownloadMessage(Answer):
@@ -404,13 +436,13 @@ class ColumnsMessage(Answer):
 
 
 class HeatMessage(Answer):
-    """Answer to `probe` and `take_part`, or exact weights after a `probe`.
+    """Answer to `probe`, `stays`, `preview` and `take_part`, or exact weights after a `probe`.
 
     The array `values` uint16 (V,) has weights times 65535.
     """
 
     type: Literal["heat"] = "heat"
-    vertex: int | None  # the vertex of the `probe`; null for `take_part`
+    vertex: int | None  # the vertex of `probe` or `stays`; null for other requests
     level: int = 0  # the level of the `probe`
     # Whether the values are those of a new handle. If not, they are an approximation, and exact ones follow if the
     # page sends no other request.

@@ -8,6 +8,7 @@ import time
 STAGES: dict[str, tuple[str, float, float]] = {
     "wait": ("Waiting for another shape", 0.0, 0.0),
     "read": ("Reading the file", 0.5, 4.0),
+    "send": ("Drawing the shape", 0.5, 8.0),
     "load": ("Starting to learn", 5.0, 0.0),
     "up": ("Finding which way is up", 3.0, 3.0),
     "simplify": ("Simplifying the shape", 0.5, 3.0),
@@ -18,14 +19,19 @@ STAGES: dict[str, tuple[str, float, float]] = {
     "features": ("Comparing the surface", 0.5, 8.0),
     "parts": ("Finding parts", 1.0, 12.0),
 }
+OTHERS = {"cut": "Finding places for handles"}  # stages of other tasks, and their names for users
 ENDS = {"done": "Done", "cancelled": "Cancelled", "failed": "Failed"}  # last stages, and their names for users
 LEARNED = ("features", "parts")  # the stages of a shape whose field is known
 PACE = 1.5  # expected duration, divided by the usual one, before anything was measured
 TRUST = 4.0  # usual seconds of work after which a measured pace counts as much as `PACE`
+KNOWN = 1.25  # if the latest estimate is above the shown one by more than this factor, the time left is not known
 
 
 class Course:
-    """The progress through `stages` for a mesh of `faces` faces. The time left never grows."""
+    """The progress through `stages` for a mesh of `faces` faces. The time left never grows.
+
+    It is not known before `TRUST` seconds of usual work, nor while the work is slower than it was.
+    """
 
     def __init__(self, faces: int, stages: tuple[str, ...] = tuple(STAGES)) -> None:
         self._usual = {name: STAGES[name][1] + STAGES[name][2] * faces / 1e6 for name in STAGES if name in stages}
@@ -33,8 +39,11 @@ class Course:
         self._stage = ""
         self._left = math.inf
 
-    def at(self, stage: str, done: int, total: int | None) -> tuple[float, float]:
-        """Return the share of the time that has passed, and the seconds left, after `done` of `total` items."""
+    def at(self, stage: str, done: int, total: int | None) -> tuple[float, float | None]:
+        """Return the share of the time that has passed, and the seconds left, after `done` of `total` items.
+
+        The seconds are None if they are not known.
+        """
         now, usual = time.monotonic(), self._usual
         if stage != self._stage:
             self._stage, self._since = stage, now
@@ -45,5 +54,7 @@ class Course:
         spent += usual[stage] * min(part, 1.0)
         elapsed = now - self._begun
         pace = (PACE * TRUST + elapsed) / (TRUST + spent)
-        self._left = min(self._left, pace * (sum(usual.values()) - spent))
-        return elapsed / max(elapsed + self._left, 1e-9), self._left
+        left = pace * (sum(usual.values()) - spent)
+        self._left = min(self._left, left)
+        known = spent >= TRUST and left <= KNOWN * self._left
+        return elapsed / max(elapsed + self._left, 1e-9), self._left if known else None

@@ -1,8 +1,9 @@
 """Keep the edit of each mesh in the user's data folder, so that closing a session or its program loses nothing.
 
 The edit of a mesh is the edit file `edits/KEY.json` in the data folder (`dfd.common.files.data_directory`). KEY is the
-mesh's content hash. A session locks the file while the mesh is open. If another session has the mesh open, a session
-starts with a copy of its edit, and keeps the copy under the key HASH-2, HASH-3 and so on.
+mesh's content hash. Its name for lists is in `KEY.name`, and its picture in `KEY.picture`. A session locks the file
+while the mesh is open. If another session has the mesh open, a session starts with a copy of its edit, and keeps the
+copy under the key HASH-2, HASH-3 and so on.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from dfd.common.files import data_directory
+from dfd.common.files import data_directory, write_file
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import MadeOn, read_edit, write_edit
 from dfd.mesh.mesh import Mesh
@@ -28,6 +29,8 @@ from dfd.mesh.mesh import Mesh
 KEY = re.compile(r"[0-9a-f]{16,64}(-\d{1,6})?")
 LONGEST_UNSAVED = 2.0  # seconds; during continuous work, an edit is stored at least this often
 LEAVES = 1.0  # seconds in which a session whose tab was just closed stores and unlocks its edit
+RESTORABLE = 3600.0  # seconds for which a deleted edit can be restored
+DELETED = ".deleted"  # ending of the file of a deleted edit
 LIMIT = 2 << 30  # largest total size of the stored mesh files in bytes; above it, those of the oldest edits are removed
 
 
@@ -41,6 +44,8 @@ class RecentEdit:
     handles: int
     mesh: Path | None
     field: Path | None
+    source: str  # the name of the sample, or of the mesh file as the user opened it
+    picture: str | None  # a data: URL
 
 
 class KeptEdit:
@@ -146,10 +151,20 @@ class KeptEdit:
         self._start, self._stamp = self.path, self._state()
         return True
 
-    def set_aside(self) -> None:
-        """Keep the stored edit, if there is one, also under another key, because another edit will replace it."""
+    def set_aside(self, *, move: bool = False) -> None:
+        """Keep the stored edit, if there is one, also under another key, because another edit will replace it.
+
+        With `move`, nothing stays under the present key.
+        """
         if self.path.exists():
-            shutil.copy2(self.path, self._file(next(self._free())))
+            _copy(self.key, next(self._free()))
+            if move:
+                _remove(self.key, everything=False)
+
+    def keep_picture(self, picture: str) -> None:
+        """Store a small picture of the edit, a data: URL."""
+        if self._locked.is_locked and self.path.exists():
+            write_file(_beside(self.key, "picture"), picture)
 
     def _stored(self, path: str | None) -> str | None:
         """Return a path at which a file of the shape stays. The files of an upload are copied beside the edit."""
@@ -209,13 +224,95 @@ def find_recent(key: str) -> RecentEdit:
     raise ValueError("This edit is no longer kept")
 
 
+def rename_kept(key: str, name: str) -> None:
+    """Give a kept edit a name for the list of recent shapes. Raises ValueError if there is no such edit."""
+    find_recent(key)
+    write_file(_beside(key, "name"), name)
+
+
+def duplicate_kept(key: str) -> None:
+    """Copy a kept edit, with its stored mesh files. Raises ValueError if there is no such edit."""
+    found = find_recent(key)
+    own = key.partition("-")[0]
+    copy = next(other for number in count(2) if not (_folder() / f"{(other := f'{own}-{number}')}.json").exists())
+    _copy(key, copy)
+    write_file(_beside(copy, "name"), f"{found.name} copy")
+
+
+def delete_kept(key: str) -> None:
+    """Remove a kept edit from the list. `restore_kept` brings it back within `RESTORABLE` seconds.
+
+    Raises ValueError if there is no such edit, or it is open.
+    """
+    find_recent(key)
+    lock = FileLock(_folder() / f".{key}.lock")
+    try:
+        lock.acquire(timeout=LEAVES, poll_interval=0.02)
+    except Timeout:
+        raise ValueError("This edit is open in another tab: close it there first") from None
+    try:
+        for old in _folder().glob(f"*{DELETED}"):
+            if time.time() - old.stat().st_ctime > RESTORABLE:
+                old.unlink(missing_ok=True)
+                _remove(old.name.removesuffix(DELETED))
+        (_folder() / f"{key}.json").replace(_folder() / f"{key}{DELETED}")
+    finally:
+        lock.release()
+
+
+def restore_kept(key: str) -> None:
+    """Bring back an edit that `delete_kept` removed. Raises ValueError if it is gone."""
+    deleted = _folder() / f"{key}{DELETED}"
+    if not KEY.fullmatch(key) or not deleted.is_file() or (_folder() / f"{key}.json").exists():
+        raise ValueError("This edit is no longer kept")
+    deleted.replace(_folder() / f"{key}.json")
+
+
+def _beside(key: str, what: str) -> Path:
+    """Return the file of the name or the picture of a kept edit."""
+    return _folder() / f"{key}.{what}"
+
+
+def _copy(key: str, other: str) -> None:
+    """Copy a kept edit, its name, its picture and its stored files."""
+    folder = _folder()
+    stored = folder / key
+    if stored.is_dir():
+        shutil.copytree(stored, folder / other, copy_function=_link_or_copy, dirs_exist_ok=True)
+    document = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
+    for name in ("mesh", "field"):
+        path = document["made_on"][name]
+        if path is not None and path.startswith(f"{key}/"):
+            document["made_on"][name] = f"{other}/{path.removeprefix(f'{key}/')}"
+    for what in ("name", "picture"):
+        with suppress(FileNotFoundError):
+            shutil.copy2(_beside(key, what), _beside(other, what))
+    write_file(folder / f"{other}.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+
+
+def _remove(key: str, *, everything: bool = True) -> None:
+    """Remove a kept edit with its name and picture; with `everything`, also its stored files."""
+    for path in (_folder() / f"{key}.json", _beside(key, "name"), _beside(key, "picture")):
+        path.unlink(missing_ok=True)
+    if everything:
+        shutil.rmtree(_folder() / key, ignore_errors=True)
+
+
 def _recent(path: Path) -> RecentEdit:
     document = json.loads(path.read_text(encoding="utf-8"))
-    made_on = document["made_on"]
+    made_on, key = document["made_on"], path.stem
     files = (path.parent / made_on[key] if made_on[key] else None for key in ("mesh", "field"))
     mesh, field = (file if file is not None and file.is_file() else None for file in files)
-    name, handles = str(made_on["name"] or "mesh"), len(document["handles"])
-    return RecentEdit(path.stem, name, path.stat().st_mtime, handles, mesh, field)
+    source, handles = str(made_on["name"] or "mesh"), len(document["handles"])
+    name, picture = (_text(_beside(key, what)) for what in ("name", "picture"))
+    return RecentEdit(key, name or source, path.stat().st_mtime, handles, mesh, field, source, picture)
+
+
+def _text(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def _by_age(folder: Path) -> Iterator[Path]:

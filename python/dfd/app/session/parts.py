@@ -1,5 +1,6 @@
 """Find the parts of a shape. A handle can move such a part, or a mask can limit a handle to the part."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -12,12 +13,14 @@ from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.influence.recent import Recent
 from dfd.editing.regions import VertexSet, members
-from dfd.editing.verbs import next_level
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import scene_parts_and_materials
 
 SAME = 0.98  # two parts count as one if they share at least this fraction of the mesh nodes that either contains
 MOST_KEPT = 64  # largest number of parts in the cache
+
+
+WHOLE = "the whole shape"
 
 
 class ShapeParts:
@@ -51,13 +54,29 @@ class ShapeParts:
         return self._found.get((vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask))
 
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
-        """Return the parts at a vertex from the smallest to the largest, one for each level."""
+        """Return the parts at a vertex from the smallest to the largest, one for each level.
+
+        Of neighboring levels with the same surface, only one is returned, level 0 if it is among them.
+        """
         lowest, highest = self._deformer.bound.parts.levels(vertex)
         scene_part = self._scene_part(vertex)
-        return tuple(self._step(vertex, level, *scene_part) for level in range(lowest, highest + 1))
+        steps: list[LadderStep] = []
+        before = None
+        for level in range(lowest, highest + 1):
+            step, inside = self._step(vertex, level, *scene_part)
+            if before is None or (inside != before).any():
+                steps.append(step)
+            elif level == 0:
+                steps[-1] = step
+            before = inside
+        texts = _distinct([(step.text, step.alike, step.share) for step in steps])
+        return tuple(step.model_copy(update={"text": text}) for step, text in zip(steps, texts, strict=True))
 
-    def _step(self, vertex: int, level: int, name: str, own: Bool) -> LadderStep:
-        """Return the part of a level. `name` and `own` (N,) are the result of `_scene_part`."""
+    def _step(self, vertex: int, level: int, name: str, own: Bool) -> tuple[LadderStep, Bool]:
+        """Return the part of a level, and its mesh nodes (N,). `name` and `own` are the result of `_scene_part`.
+
+        The text is only the name: "the whole shape", the name of the scene part, or empty.
+        """
         parts, nodes = self._deformer.bound.parts, nodes_of(self._mesh)
         component = parts.components(vertex, level)
         found = component is not None
@@ -66,16 +85,14 @@ class ShapeParts:
             component[nodes.of_vertex[parts.part(vertex, level).vertices]] = 0
         inside, count = component >= 0, int(component.max()) + 1
         share = float(nodes.area @ inside / max(nodes.area.sum(), np.finfo(float).tiny))
-        size = "less than 1" if share < 0.005 else f"{100 * share:.0f}"
-        alike = f"{count} alike, " if count > 1 else ""
         whole = bool(inside[nodes.used].all())
         same = any((own & part).sum() >= SAME * (own | part).sum() for part in (component == 0, inside))
-        named = f"{name}, " if name and same else ""
-        text = "the whole shape" if whole else f"{named}{alike}{size} % of the surface"
+        text = WHOLE if whole else name if same else ""
         # Edges of `graph` between components bridge small gaps. A component touches the part if a bridge joins them.
         held = np.isin(nodes.component, nodes.component[inside])
         leaves = not held[nodes.graph[inside].indices].all()
-        return LadderStep(level=level, text=text, found=found or whole, leaves=leaves)
+        step = LadderStep(level=level, text=text, share=share, alike=count, found=found or whole, leaves=leaves)
+        return step, inside
 
     def _scene_part(self, vertex: int) -> tuple[str, Bool]:
         """Return the name of the scene part at a vertex, empty if there is only one, and its mesh nodes (N,)."""
@@ -103,12 +120,20 @@ class ShapeParts:
             self._origins[found] = origin
             given: dict[str, Any] = {"at": found, "level": 0}
         else:
-            given = {"level": next_level(self._deformer.bound, origin, handle.controls.level, step), "reach": "part"}
+            given = {"level": self.next_level(origin, handle.controls.level, step), "reach": "part"}
             if isinstance(handle.place.region, VertexSet):
                 given["at"] = origin
         if self.limits(handle):
             given["mask"] = given["at"] if step is None else self.at(origin, given["level"])
         return given
+
+    def next_level(self, vertex: int, level: int, step: int) -> int:
+        """Return the level of the next step of the ladder. Raises ValueError if there is none."""
+        levels = [each.level for each in self.ladder(vertex)]
+        now = next((index for index, each in enumerate(levels) if each >= level), len(levels) - 1)
+        if not 0 <= now + step < len(levels):
+            raise ValueError(f"There is no {'smaller' if step < 0 else 'larger'} part here")
+        return levels[now + step]
 
     def origin(self, handle: Handle) -> int:
         """Return the vertex of a handle, or the vertex at which its region was found."""
@@ -147,3 +172,22 @@ class ShapeParts:
         if not isinstance(mask, VertexSet):
             return False
         return mask == handle.place.region or mask == self.of(handle)
+
+
+def _distinct(steps: Sequence[tuple[str, int, float]]) -> list[str]:
+    """Return texts that differ: name, number of components, and share with as few digits as make the text differ."""
+    texts = [_described(*step, 0) for step in steps]
+    for digits in range(1, 5):
+        texts = [
+            _described(*step, digits) if texts.count(text) > 1 else text
+            for step, text in zip(steps, texts, strict=True)
+        ]
+    return texts
+
+
+def _described(name: str, alike: int, share: float, digits: int) -> str:
+    if name == WHOLE:
+        return WHOLE
+    least = 10.0**-digits
+    size = f"less than {least:.{digits}f}" if 100 * share < least / 2 else f"{100 * share:.{digits}f}"
+    return f"{f'{name}, ' if name else ''}{f'{alike} alike, ' if alike > 1 else ''}{size} % of the surface"

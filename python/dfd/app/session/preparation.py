@@ -22,8 +22,9 @@ from dfd.posing.pose import IDENTITY
 if TYPE_CHECKING:
     from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Parts
+    from dfd.segmentation.parts import Part, Parts
     from dfd.symmetry.plane import SymmetryPlane
 
 INTERVAL = 0.1  # shortest time in seconds between two progress messages of a stage, except the last message
@@ -37,6 +38,7 @@ class SharedShape:
     features: Any = None
     planes: dict[Preset, list[SymmetryPlane]] = field(default_factory=dict)
     parts: Parts | None = None
+    cut: list[Part] | None = None  # parts that cover the shape, for suggestions
 
     def find_planes(self, deformer: Deformer, preset: Preset) -> None:
         """Find the planes of symmetry of a preset, unless they are known."""
@@ -125,9 +127,7 @@ class Preparation:
             if self._options.preset == "default":
                 self._begin_early()
             return
-        path = self._session.folder / "cached.field.safetensors"
-        found.save(path)
-        self.open(path, "cache")
+        self.open(found, "cache")
 
     def _begin_early(self) -> None:
         """Let the user edit with parts of the geometry, until the features are learned."""
@@ -169,8 +169,8 @@ class Preparation:
         else:
             self.open(path, "distilled", self._course)
 
-    def open(self, path: Path, origin: str, course: Course | None = None) -> None:
-        """Open the field in the file `path`, and compute the data for the first handle. `course` has begun before."""
+    def open(self, given: Path | Field, origin: str, course: Course | None = None) -> None:
+        """Open a field or its file, and compute the data for the first handle. `course` has begun before."""
         self._course = course or Course(len(self._mesh.faces), LEARNED)
         self._progress("prepare", "features")
         from dfd.editing.deformer import Deformer
@@ -187,10 +187,9 @@ class Preparation:
             self._progress("prepare", "features", done, len(mesh.vertices))
 
         with check.recorded_warnings() as messages:
-            field = Field.load(path)
+            field = Field.load(given) if isinstance(given, Path) else given
             check_compatible(field, mesh)
-        assert field.source is not None
-        key = f"{hash_arrays(mesh.vertices, mesh.faces)} {field.source.sha256}"
+        key = f"{hash_arrays(mesh.vertices, mesh.faces)} {_hash(field, mesh)}"
         self._shared = shared = _SHARED.setdefault(key, SharedShape())
         with shared.making:
             if shared.features is None:
@@ -211,6 +210,21 @@ class Preparation:
         with self._shared.making:
             self._shared.find_planes(deformer, preset)
         self._tell(self._session.planes_found, deformer, dict(self._shared.planes))
+
+    def cut(self, deformer: Deformer) -> None:
+        """Find parts that cover the whole shape, which takes seconds."""
+        shared = SharedShape() if self._shared is None else self._shared
+        with shared.making:
+            if shared.cut is None:
+                shared.cut = deformer.bound.parts.cut()
+        self._tell(self._session.suggested, deformer, shared.cut)
+
+
+def _hash(field: Field, mesh: Mesh) -> str:
+    """Return the hash of the field's file; of a field without a file, that of some features."""
+    from dfd.field.cache_key import hash_arrays
+
+    return hash_arrays(field(mesh.vertices[:512])) if field.source is None else field.source.sha256
 
 
 def _warm(deformer: Deformer) -> None:

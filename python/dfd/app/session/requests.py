@@ -16,6 +16,7 @@ from dfd.app.protocol import messages
 from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTransforms, Transform
 from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
+from dfd.app.session.proposals import proposals
 from dfd.app.session.session import Session
 from dfd.app.session.state import quantized, short_drag
 from dfd.app.session.surface import Arrays, centered, packed_normals
@@ -23,7 +24,7 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
-from dfd.editing.influence.bendable_parts import pivot_on
+from dfd.editing.influence.bendable_parts import BendablePart, pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.geometry.normals import updated_normals
@@ -33,7 +34,7 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
 NO_CONTROLS = Controls()
-MOST_SUGGESTED = 12  # largest number of suggested places; more markers would hide the shape
+SAME_WEIGHTS = 0.02  # proposals whose weights differ by less than this share of their mean look the same
 
 ArrayAnswer = tuple[messages.Answer, Arrays]
 
@@ -80,6 +81,56 @@ def _heat(weights: Float32, vertex: int | None = None, level: int = 0) -> ArrayA
 
 
 @request
+def stays(session: Session, vertex: Index | None = None) -> ArrayAnswer:
+    """Compute how strongly each vertex stays in place, if `vertex` is fixed too. Answer: `heat`."""
+    deformer = session.deformer
+    more = () if vertex is None else (Fixed(place_on(deformer.mesh, vertex)),)
+    return _heat(deformer.bound.by_features.subtracted((*deformer.fixed, *more)), vertex)
+
+
+@request
+def preview(session: Session, handle: int, controls: Controls) -> ArrayAnswer:
+    """Compute the weights that a handle would have with other controls. Answer: `heat`."""
+    with _tried(session.deformer) as deformer:
+        _change(session, handle, controls)
+        return _heat(_following(deformer, handle))
+
+
+@request
+def propose(session: Session, handle: int) -> ArrayAnswer:
+    """Pose the shape as if the handle had other controls: only its part, or a smaller or larger one.
+
+    Proposals that move the same surface as the present controls, or as another proposal, are left out. Answer:
+    `proposals`.
+    """
+    editing, deformer = session.require(), session.deformer
+    mesh = deformer.mesh
+    seen = [_following(deformer, handle)]
+    found: list[messages.Proposal] = []
+    arrays: Arrays = {}
+    for label, controls in proposals(deformer, editing.parts, handle):
+        with _tried(deformer), suppress(ValueError):
+            _change(session, handle, Controls(**controls))
+            weights = _following(deformer, handle)
+            if any(float(np.abs(weights - other).mean()) < SAME_WEIGHTS * float(weights.mean()) for other in seen):
+                continue
+            seen.append(weights)
+            posed, number = deformer.vertices, len(found)
+            normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
+            arrays |= {f"positions{number}": centered(mesh, posed), f"normals{number}": packed_normals(normals)}
+            share = float((weights > 0.5).mean())
+            found.append(messages.Proposal(label=label, controls=controls, share=share))
+    return messages.ProposalsMessage(handle=handle, proposals=tuple(found)), arrays
+
+
+def _following(deformer: Deformer, handle: int) -> Float32:
+    """Return how much each vertex follows a handle, (V,)."""
+    index = [each.id for each in deformer.handles].index(handle)
+    found: Float32 = deformer.bound.following(deformer.edit)[:, index]
+    return found
+
+
+@request
 def ladder(session: Session, vertex: Index) -> messages.Answer:
     """Find the parts at a vertex from the smallest to the largest. Answer: `ladder`."""
     return messages.LadderMessage(vertex=vertex, steps=session.require().parts.ladder(vertex))
@@ -105,17 +156,6 @@ def features(session: Session) -> ArrayAnswer:
 
 
 @request
-def suggest(session: Session) -> messages.Answer:
-    """Suggest places for handles: a vertex far inside each of the largest parts. Answer: `suggestions`."""
-    found = []
-    for number, part in enumerate(session.deformer.bound.parts.cut()[:MOST_SUGGESTED], start=1):
-        name = f"Part {number}, {part.components} alike" if part.components > 1 else f"Part {number}"
-        position = vector("position", session.deformer.mesh.vertices[part.vertex])
-        found.append(messages.Suggestion(vertex=part.vertex, position=position, name=name))
-    return messages.SuggestionsMessage(suggestions=tuple(found))
-
-
-@request
 def counterparts(session: Session, handle: int) -> messages.Answer:
     """Find the counterparts of a handle, and whether each counterpart moves. Answer: `similar`."""
     places = (
@@ -132,13 +172,24 @@ def axis(session: Session, handle: int) -> messages.Answer:
     held = edit.handle(handle)
     part = next(iter(session.deformer.bound.bendable_parts(edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
-    auto, base, tip = held.place.position, None, None
+    auto, bends = held.place.position, None
     if part is not None:
         pivots += ("base", "middle", "hinge") if edit.symmetry is None else ("base", "middle", "hinge", "plane")
         if edit.rules.pivot == "auto":
             auto = pivot_on(part, None, held, edit.symmetry)[0]
-        base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
-    return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
+        bends = _bend_axis(part)
+    return messages.AxisMessage(handle=handle, pivots=pivots, auto=auto, bends=bends)
+
+
+def _bend_axis(part: BendablePart) -> messages.BendAxis:
+    axis, carry = part.axis, part.amount * part.carry
+    nodes = axis.nodes if part.slender else np.stack([axis.base, axis.nodes[-1]])
+    return messages.BendAxis(
+        nodes=tuple(vector("axis", node) for node in nodes),
+        radius=tuple(axis.radius.tolist()),
+        slender=part.slender,
+        carry=tuple(vector("carry", row) for row in carry),  # type: ignore[arg-type]
+    )
 
 
 @request
@@ -163,8 +214,7 @@ def take_part(
         return None
     with _tried(deformer):
         deformer.change(handle, **given)
-        weights = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(handle))]
-        return _heat(weights)
+        return _heat(_following(deformer, handle))
 
 
 @request
@@ -220,11 +270,22 @@ def reset(session: Session, handle: int | None = None) -> None:
 
 @request
 def change(session: Session, handle: int, controls: Controls, merge: bool = False) -> None:
-    """Set a handle's name or controls. With `merge`, successive changes are one step of undo."""
-    given = _controls(session, controls)
-    if isinstance(given.get("mask"), str) and given["mask"] == "part":
-        given["mask"] = session.require().parts.of(session.deformer.edit.handle(handle))
-    session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
+    """Set a handle's name or controls. With `merge`, successive changes are one step of undo.
+
+    If the mask is the handle's part, it changes with the part.
+    """
+    session.change(lambda _: _change(session, handle, controls), ("change", handle), merge=merge)
+
+
+def _change(session: Session, handle: int, controls: Controls) -> None:
+    parts, deformer, given = session.require().parts, session.deformer, _controls(session, controls)
+    limits = parts.limits(deformer.edit.handle(handle)) and "level" in given and "mask" not in given
+    whole = limits or (isinstance(given.get("mask"), str) and given["mask"] == "part")
+    first = {name: value for name, value in given.items() if name != "mask" or not whole}
+    if first:
+        deformer.change(handle, **first)
+    if whole:
+        deformer.change(handle, mask=parts.of(deformer.edit.handle(handle)))
 
 
 @request
@@ -340,11 +401,11 @@ class _TakenBackError(Exception):
 
 
 @contextmanager
-def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[None]:
+def _tried(deformer: Deformer, transforms: PoseTransforms | None = None) -> Iterator[Deformer]:
     """Set `transforms` of handles inside the `with` block. When the block ends, discard these and all other changes."""
     with suppress(_TakenBackError), deformer.step():
         _move_all(deformer, transforms or ())
-        yield
+        yield deformer
         raise _TakenBackError
 
 

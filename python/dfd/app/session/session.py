@@ -7,18 +7,21 @@ import shutil
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
-from dfd.app.session.course import ENDS, STAGES
+from dfd.app.session import kept_edits
+from dfd.app.session.course import ENDS, OTHERS, STAGES
 from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits, upload_folder
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.state import Editing, quantized
+from dfd.app.session.summary import details, summary
 from dfd.app.session.surface import mesh_message
 from dfd.common.devices import out_of_memory
 from dfd.common.preset import Preset
@@ -27,6 +30,8 @@ from dfd.editing.edit import Edit, band_on
 from dfd.editing.edit_file import MadeOn, read_edit
 from dfd.editing.key_pose import KeyPose
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import vector
+from dfd.segmentation.parts import Part
 from dfd.symmetry.plane import SymmetryPlane
 
 NO_FIELD = messages.FieldState(status="none", origin=None)
@@ -34,8 +39,11 @@ STATUS = {"distill": "distilling", "prepare": "preparing"}  # the status of the 
 FUNCTION = re.compile(r"^\w+(\.\w+)?: ")  # error messages of the package start with the name of the function: `bind: …`
 # Advice in error messages that is only for Python, and its replacement on the page.
 REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd deform --made-on`"}
+MOST_SUGGESTED = 12  # largest number of suggested places; more markers would hide the shape
 MOST_RECENT = 8  # number of shapes in the list of recent shapes
 COPY = "This shape is open in another tab. This tab edits a copy."
+
+PICTURE = r"^data:image/(png|jpeg|webp);base64,[A-Za-z0-9+/]+={0,2}$"
 
 log = logging.getLogger("dfd.app")
 
@@ -62,6 +70,7 @@ class Session:
         self._uploads: list[Path] = []  # folders of the open shape's uploads
         self.exports: dict[str, Path] = {}  # files to download, by the random name in their URLs
         self._pending_edit: Path | None = None  # an edit file that is applied when the field is ready
+        self._fresh = False  # whether the open shape begins without its kept edit
         self._kept: KeptEdit | None = None  # the file that keeps the edit; None without a shape, and in a notebook
         self.name = "mesh"  # the name of the shape
         self.mesh: Mesh | None = None
@@ -122,8 +131,10 @@ class Session:
         try:
             mesh, warnings = read_shape(source)
             message, arrays = mesh_message(mesh, name=name, warnings=warnings)
-        finally:
-            self.tell_progress("open", "done")
+        except BaseException:
+            self.tell_progress("open", "failed")
+            raise
+        self.tell_progress("open", "send")  # this stage ends when the page gets the mesh
         self.close_shape()
         self._claim(mesh, source, key)
         if self._kept is not None and self._kept.is_copy:
@@ -131,6 +142,7 @@ class Session:
             message = message.model_copy(update={"warnings": tuple(warnings)})
         self.name, self.mesh, self._warnings = name, mesh, warnings
         self.send(message.model_copy(update={"recent": self._recent()}), **arrays)
+        self._progress = None
         self._preparation = Preparation(self, mesh, source)
         if given.field is None:
             self._tell_field("preparing")
@@ -187,6 +199,7 @@ class Session:
             self._preparation.drop()
         self.guarded(0, self.detach)
         self._preparation = self._progress = self._pending_edit = self._kept = None
+        self._fresh = False
         self.mesh = self.editing = None
         self.field = NO_FIELD
         while self._uploads:
@@ -194,15 +207,55 @@ class Session:
 
     @request
     def open_sample(self, name: messages.Text) -> None:
-        """Open one of the samples that the message `session` lists."""
+        """Open one of the samples that the message `session` lists, without its kept edit, which stays in `recent`."""
         self.open(Opening(mesh=name))
+        self._fresh = True
+
+    @request
+    def start_fresh(self) -> None:
+        """Remove everything from the edit, as one step of undo. The edit so far stays in the list `recent`."""
+        self.save()
+        if self._kept is not None and self.deformer.handles:
+            self._kept.set_aside()
+        empty = Edit(preset=self.deformer.preset, symmetry=self.deformer.symmetry)
+        self.change(lambda deformer: deformer.apply(empty))
+
+    @request
+    def keep_picture(self, picture: Annotated[str, Field(max_length=200_000, pattern=PICTURE)]) -> None:
+        """Store a small picture of the open shape for the list `recent`: a data: URL."""
+        if self._kept is not None:
+            self._kept.keep_picture(picture)
+
+    @request
+    def rename_kept(self, key: messages.Text, name: messages.Text) -> None:
+        """Rename a kept edit. Before the answer, the server sends `start`."""
+        kept_edits.rename_kept(key, name)
+        self._tell_start()
+
+    @request
+    def duplicate_kept(self, key: messages.Text) -> None:
+        """Copy a kept edit. Before the answer, the server sends `start`."""
+        kept_edits.duplicate_kept(key)
+        self._tell_start()
+
+    @request
+    def delete_kept(self, key: messages.Text) -> None:
+        """Delete a kept edit, so that `restore_kept` can bring it back. Before the answer, the server sends `start`."""
+        kept_edits.delete_kept(key)
+        self._tell_start()
+
+    @request
+    def restore_kept(self, key: messages.Text) -> None:
+        """Bring back a deleted edit. Before the answer, the server sends `start`, unless a shape is open."""
+        kept_edits.restore_kept(key)
+        self._tell_start()
 
     @request
     def open_recent(self, key: messages.Text) -> None:
         """Open a shape of the list `recent`, which `start` and `mesh` contain, and continue its edit."""
         found = find_recent(key)
-        sample = found.name if found.name in SAMPLES else None
-        mesh = sample if found.mesh is None else OpenedFile(found.name, found.mesh, upload_folder(found.mesh))
+        sample = found.source if found.source in SAMPLES else None
+        mesh = sample if found.mesh is None else OpenedFile(found.source, found.mesh, upload_folder(found.mesh))
         if mesh is None:
             raise ValueError(f"The file of {found.name} is gone. Open the mesh again: its edit is kept")
         field = None if found.field is None else OpenedFile(found.field.name, found.field)
@@ -215,7 +268,9 @@ class Session:
         self._tell_start()
 
     def _tell_start(self) -> None:
-        """Tell the page that no shape is open."""
+        """Tell the page that no shape is open, unless one is."""
+        if self.mesh is not None:
+            return
         self.send(messages.StartMessage(recent=self._recent()))
 
     def _recent(self) -> tuple[messages.RecentShape, ...]:
@@ -223,8 +278,8 @@ class Session:
         here = None if self._kept is None else self._kept.key
         return tuple(
             messages.RecentShape(
-                **{name: getattr(each, name) for name in ("key", "name", "handles", "seconds")},
-                present=each.mesh is not None or each.name in SAMPLES,
+                **{name: getattr(each, name) for name in ("key", "name", "handles", "seconds", "picture")},
+                present=each.mesh is not None or each.source in SAMPLES,
             )
             for each in recent_edits(MOST_RECENT)
             if each.key != here
@@ -253,7 +308,7 @@ class Session:
         ended, status = stage in ENDS, STATUS.get(task, self.field.status)
         if not ended and self.editing is None and self.field.status != status:
             self._tell_field(status)
-        text = ENDS[stage] if ended else STAGES[stage][0]
+        text = ENDS[stage] if ended else OTHERS[stage] if stage in OTHERS else STAGES[stage][0]
         message = messages.ProgressMessage(task=task, stage=stage, text=text, share=share, seconds_left=seconds_left)
         self._progress = None if ended else message
         self.send(message)
@@ -309,7 +364,12 @@ class Session:
 
     def _restore(self) -> None:
         """Start with the kept edit, if there is one; undo cannot go behind it."""
+        fresh, self._fresh = self._fresh, False
         found = None if self._kept is None else self._kept.read()
+        if fresh and found is not None and self._kept is not None:
+            if found.handles and not self._kept.is_copy:
+                self._kept.set_aside(move=True)
+            found = None
         self._begin_with(found or self.deformer.edit)
 
     def _begin_with(self, edit: Edit) -> None:
@@ -318,6 +378,39 @@ class Session:
         self.require().history.begin()
         if self._kept is not None:
             self._kept.begin(edit)
+
+    @request
+    def suggest(self) -> None:
+        """Suggest places for handles: a vertex far inside each of the largest parts. The server sends `suggestions`.
+
+        They are found once for each shape, in the background.
+        """
+        editing = self.require()
+        if editing.suggested is not None:
+            self.send(messages.SuggestionsMessage(suggestions=editing.suggested))
+        elif self._preparation is None:
+            self.suggested(editing.deformer, editing.deformer.bound.parts.cut())
+        elif not editing.suggesting:
+            editing.suggesting = True
+            self.tell_progress("suggest", "cut")
+            self._preparation.start("suggest", self._preparation.cut, editing.deformer)
+
+    def suggested(self, deformer: Deformer, found: Sequence[Part]) -> None:
+        """Send the places in the parts that were found, and keep them."""
+        editing = self.editing
+        if editing is None or editing.deformer is not deformer:
+            return
+        editing.suggested = tuple(
+            messages.Suggestion(
+                vertex=part.vertex,
+                position=vector("position", deformer.mesh.vertices[part.vertex]),
+                name=f"Part {number}, {part.components} alike" if part.components > 1 else f"Part {number}",
+            )
+            for number, part in enumerate(found[:MOST_SUGGESTED], start=1)
+        )
+        if self._progress is not None and self._progress.task == "suggest":
+            self.tell_progress("suggest", "done")
+        self.send(messages.SuggestionsMessage(suggestions=editing.suggested))
 
     def field_ended(self, task: str, error: Exception | None) -> None:
         """Report that a task failed or was stopped before it gave a field. An existing field stays in use."""
@@ -390,7 +483,8 @@ class Session:
     def set_poses(self, poses: messages.KeyPoses) -> None:
         """Replace the key poses, as one step of undo."""
         found = (
-            KeyPose(each.seconds, {own.handle: own.motion for own in each.transforms}, each.name) for each in poses
+            KeyPose(each.seconds, {own.handle: own.motion for own in each.transforms}, each.name, each.ease)
+            for each in poses
         )
         self.change(lambda deformer: deformer.set_poses(found))
 
@@ -407,8 +501,9 @@ class Session:
         self.save()
         if editing.unreported:
             editing.unreported = False
-            text = str(editing.deformer.report())
-            self.send(messages.ReportMessage(text=text[:1].upper() + text[1:]))
+            report = editing.deformer.report()
+            text = summary(report, editing.deformer.edit)
+            self.send(messages.ReportMessage(text=text, details=details(report)))
         if (probed := editing.exact_probe()) is not None:
             vertex, level, weights = probed
             self.send(messages.HeatMessage(vertex=vertex, level=level, exact=True), values=quantized(weights))

@@ -40,6 +40,8 @@ class Editing:
         self.shown: Edit | None = None  # the edit that the page shows
         self.unreported = False  # whether the report of the edit must still be sent
         self.pointed: tuple[int, int] | None = None  # the vertex and level of the latest probe, until `exact_probe`
+        self.suggesting = False  # whether suggestions were asked for
+        self.suggested: tuple[messages.Suggestion, ...] | None = None  # None until they are found
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
         self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
@@ -143,6 +145,7 @@ class Editing:
                 messages.KeyPose(
                     name=pose.name,
                     seconds=pose.seconds,
+                    ease=pose.ease,
                     transforms=tuple(messages.PoseTransform.of(*each) for each in pose.transforms.items()),
                 )
                 for pose in deformer.edit.poses

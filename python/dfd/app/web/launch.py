@@ -4,7 +4,6 @@ import html
 import signal
 import socket
 import sys
-import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable, Sequence
@@ -17,6 +16,7 @@ from dfd.app.options import SessionOptions
 from dfd.app.web.access_token import kept_token, new_token
 from dfd.app.web.safety import Rules, check_host_name, check_root_path, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, Sessions, create
+from dfd.app.web.temporary_folder import TemporaryFolder
 
 DEFAULT_PORT = 8765
 
@@ -56,8 +56,8 @@ class RunningApp:
         name = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
         self.url = f"http://{name}:{self.port}{root}/?token={self.rules.token}"
         self.proxied = [f"https://{each}{root}/?token={self.rules.token}" for each in hosts]  # if the proxy has TLS
-        self._root = tempfile.TemporaryDirectory(prefix="dfd-app-", ignore_cleanup_errors=True)
-        self.sessions = Sessions(Path(self._root.name), options, upload_bytes)
+        self._root = TemporaryFolder()
+        self.sessions = Sessions(self._root.path, options, upload_bytes)
         config = uvicorn.Config(
             create(self.sessions, self.rules, static=static),
             ws="websockets-sansio",
@@ -76,7 +76,7 @@ class RunningApp:
 
         All users of the machine can see the command that opens the browser, so the token must not be in this command.
         """
-        path = Path(self._root.name) / "open.html"
+        path = self._root.path / "open.html"
         path.touch(0o600, exist_ok=False)
         path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={html.escape(self.url)}">')
         return path

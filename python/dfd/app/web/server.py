@@ -16,6 +16,7 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException
 from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -47,7 +48,7 @@ def create(sessions: Sessions, rules: Rules, *, static: Path) -> Starlette:
             WebSocketRoute("/ws", sessions.socket),
             Route("/upload", sessions.upload, methods=["POST"]),
             Route("/download/{session}/{number}", sessions.download, methods=["GET"]),
-            Mount("/", StaticFiles(directory=static, html=True, check_dir=False)),
+            Mount("/", GZipMiddleware(StaticFiles(directory=static, html=True, check_dir=False))),
         ],
         middleware=[Middleware(Guard, rules=rules)],
         lifespan=lifespan,

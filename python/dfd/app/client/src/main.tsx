@@ -4,6 +4,8 @@ import { ask, start as connect, drop } from "./actions/connection";
 import { takeDrops } from "./actions/files";
 import { follow } from "./actions/follow";
 import { listen } from "./actions/keyboard";
+import { keepPictures } from "./actions/pictures";
+import { proposeAfterDrags } from "./actions/propose";
 import { receive } from "./actions/receive";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
@@ -39,6 +41,8 @@ function start(): void {
   listen(() => viewer.gizmo.grabbed);
   takeDrops();
   follow();
+  proposeAfterDrags((posed) => viewer.thumbnail(posed));
+  keepPictures(() => viewer.thumbnail());
   connect(receive);
   // Access for tests.
   if (new URLSearchParams(location.search).has("test")) {

@@ -47,8 +47,8 @@ export function preview(vertex: number, by: -1 | 1): void {
 /** Show the weights that a new handle at a vertex would have. */
 export function showWeights(vertex: number): void {
   const state = store.get();
-  if (ready(state) && !draws(state.tool) && state.tool !== "pivot" && !isolates(state))
-    send({ type: "probe", vertex, level: state.level });
+  if (!ready(state) || draws(state.tool) || state.tool === "pivot" || isolates(state)) return;
+  send(state.tool === "fix" ? { type: "stays", vertex } : { type: "probe", vertex, level: state.level });
 }
 
 /** Return the level of the next smaller or larger part at a vertex, if there is one and the parts are known. */

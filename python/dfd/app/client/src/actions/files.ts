@@ -21,6 +21,11 @@ export async function upload(files: readonly Sent[]): Promise<void> {
     problem("The server is not connected yet. Try again in a moment.");
     return;
   }
+  const known = files.some(({ path: name }) => session.formats.some((ending) => name.toLowerCase().endsWith(ending)));
+  if (!known) {
+    problem(`${files[0].path} cannot be opened. Open OBJ, PLY, STL, OFF, glTF or GLB; convert FBX with Blender.`);
+    return;
+  }
   const bytes = files.reduce((sum, { file }) => sum + file.size, 0);
   if (bytes > session.upload_bytes) {
     problem(`The files have ${megabytes(bytes)}, but the server accepts at most ${megabytes(session.upload_bytes)}.`);
@@ -97,7 +102,7 @@ export async function exportAs(format: Export["format"]): Promise<void> {
   if (received?.message.type !== "download") return;
   const { url, name, said } = received.message;
   save(new URL(url, location.href).href, name);
-  if (said) note(`${name}: ${said}`);
+  note(said ? `${name} is saved: ${said}` : `${name} is saved in your downloads.`);
 }
 
 function save(address: string, name: string): void {

@@ -22,6 +22,17 @@ export function follow(): void {
       gizmo === "translate" || dragging || selected === null || !edit ? null : ([selected, edit.after] as const),
     (wanted) => wanted && send({ type: "axis", handle: wanted[0] }),
   );
+  // Request what stays in place while the user fixes points.
+  store.watch(
+    ({ tool, edit }) => (tool === "fix" && edit ? ([edit.field.origin, JSON.stringify(edit.fixed)] as const) : null),
+    (wanted) => {
+      store.set({ stays: null, probe: null });
+      if (!wanted) return;
+      void ask({ type: "stays" }, true).then((answer) => {
+        if (answer) store.set({ stays: answer.payload.get("values", "U16") });
+      });
+    },
+  );
   // Request the parts at the selected handle and at the pointer.
   store.watch(
     (state) => {

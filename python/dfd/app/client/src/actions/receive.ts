@@ -16,12 +16,15 @@ export function receive({ message, payload }: Received): void {
       store.set({ session: message });
       break;
     case "start":
-      store.set({ ...CLOSED, page: "start", recent: message.recent });
+      store.set({ ...CLOSED, page: "start", progress: null, recent: message.recent });
       break;
     case "mesh":
       store.set({
         ...CLOSED,
+        // A new shape begins with the gizmo that moves.
+        ...(store.get().mesh?.name === message.name ? {} : { gizmo: "translate" as const }),
         page: "shape",
+        progress: null,
         recent: message.recent,
         mesh: message,
         meshArrays: payload,
@@ -105,6 +108,9 @@ function withEdit(message: StateMessage): Partial<State> {
   const state = store.get();
   if (state.edit?.field.origin === "geometry" && message.field.origin === "distilled")
     note("The features are learned. Handles now move all parts that look alike.");
+  if (state.edit?.field.status !== "ready" && message.field.status === "ready" && message.handles.length > 0)
+    if (message.steps.length === 0 && !state.edit?.handles.length)
+      note("Your edit of this shape is back. Undo begins here.");
   const used = new Set(message.handles.flatMap((handle) => handle.columns.map(({ column }) => column)));
   const present = new Set(message.handles.map((handle) => handle.handle));
   const before = new Set(state.edit?.handles.map((handle) => handle.handle));

@@ -9,6 +9,13 @@ import { note } from "./toasts";
 
 const SECONDS_BETWEEN = 1;
 
+/** Poses at most this many seconds apart count as one moment. */
+const SAME_MOMENT = 0.05;
+
+/** The moment of the pose that was stored last, unless the playhead has moved since. */
+let stored = NaN;
+
+/** Store the edit as a pose at the playhead, in place of a pose there. A new pose after the last one is a second later. */
 export function storePose(): void {
   const { edit, playhead } = store.get();
   if (!edit) return;
@@ -17,12 +24,22 @@ export function storePose(): void {
     return;
   }
   const transforms = edit.handles.map((handle) => poseTransform([handle.handle, transformOf(handle)]));
-  const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);
-  const last = Math.max(-SECONDS_BETWEEN, ...edit.poses.map((pose) => pose.seconds));
-  const seconds = edit.poses.length === 0 ? 0 : taken ? last + SECONDS_BETWEEN : playhead;
-  const pose: KeyPose = { name: `Pose ${edit.poses.length + 1}`, seconds, transforms };
-  set([...edit.poses, pose]);
-  store.set({ playhead: seconds, moment: null });
+  const there = edit.poses.findIndex((pose) => Math.abs(pose.seconds - playhead) < SAME_MOMENT);
+  const end = edit.poses[edit.poses.length - 1]?.seconds ?? -SECONDS_BETWEEN;
+  // A user who stores one pose after the other adds poses. A user who has moved the playhead to a pose replaces it.
+  const appends = there >= 0 && there === edit.poses.length - 1 && stored === playhead;
+  if (there >= 0 && !appends) {
+    changePose(there, { transforms });
+    note(`${edit.poses[there].name} is replaced.`);
+    store.set({ moment: null, pose: there });
+    return;
+  }
+  const seconds = appends || edit.poses.length === 0 ? end + SECONDS_BETWEEN : playhead;
+  const pose: KeyPose = { name: `Pose ${edit.poses.length + 1}`, seconds, ease: true, transforms };
+  const poses = sorted([...edit.poses, pose]);
+  send({ type: "set_poses", poses });
+  store.set({ playhead: seconds, moment: null, pose: poses.indexOf(pose) });
+  stored = seconds;
 }
 
 export function removePose(index: number): void {
@@ -30,12 +47,28 @@ export function removePose(index: number): void {
   store.set({ moment: null, playing: false });
 }
 
-export function changePose(index: number, part: Partial<Pick<KeyPose, "name" | "seconds">>): void {
-  set((store.get().edit?.poses ?? []).map((pose, i) => (i === index ? { ...pose, ...part } : pose)));
+/** Change a pose. It stays the chosen one, even if it moves past another pose. */
+export function changePose(index: number, part: Partial<KeyPose>): void {
+  const poses = [...(store.get().edit?.poses ?? [])];
+  const changed = { ...poses[index], ...part };
+  poses[index] = changed;
+  const ordered = sorted(poses);
+  send({ type: "set_poses", poses: ordered });
+  store.set({ pose: ordered.indexOf(changed) });
 }
 
 function set(poses: KeyPose[]): void {
-  send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
+  send({ type: "set_poses", poses: sorted(poses) });
+}
+
+function sorted(poses: KeyPose[]): KeyPose[] {
+  return [...poses].sort((a, b) => a.seconds - b.seconds);
+}
+
+/** Return the share of a segment's motion at the share `t` of its time. The motion is slow beside poses that ease. */
+export function eased(t: number, from: boolean, to: boolean): number {
+  const [begin, end] = [from ? 0 : 1, to ? 0 : 1];
+  return t * t * (3 - 2 * t) + begin * t * (1 - t) ** 2 - end * t * t * (1 - t);
 }
 
 /** Return the transform of each handle at a moment. A handle that a pose does not contain is at rest in that pose. */
@@ -45,7 +78,8 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
   const [from, to] = after < 0 ? [last, last] : [Math.max(after - 1, 0), after];
   const [a, b] = [poses[from], poses[to]];
   const span = b.seconds - a.seconds;
-  const part = span > 0 ? Math.min(Math.max((seconds - a.seconds) / span, 0), 1) : 0;
+  const time = span > 0 ? Math.min(Math.max((seconds - a.seconds) / span, 0), 1) : 0;
+  const part = eased(time, a.ease ?? false, b.ease ?? false);
   const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
   const of = (pose: KeyPose, handle: number): Transform => {
     const own = pose.transforms.find((transform) => transform.handle === handle);
@@ -56,6 +90,7 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
 
 export function scrub(seconds: number): void {
   const poses = store.get().edit?.poses ?? [];
+  stored = NaN;
   store.set({ playhead: seconds, moment: poses.length > 0 ? momentAt(poses, seconds) : null });
 }
 

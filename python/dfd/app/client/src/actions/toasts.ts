@@ -10,6 +10,11 @@ export function note(text: string): void {
   show(text, "note");
 }
 
+/** Show a note with a button, for example to undo. */
+export function offer(text: string, action: State["toasts"][number]["action"]): void {
+  show(text, "note", action);
+}
+
 export function problem(text: string): void {
   show(text, "problem");
 }
@@ -18,9 +23,9 @@ export function dismiss(key: number): void {
   store.set({ toasts: store.get().toasts.filter((toast) => toast.key !== key) });
 }
 
-function show(text: string, kind: State["toasts"][number]["kind"]): void {
+function show(text: string, kind: State["toasts"][number]["kind"], action?: State["toasts"][number]["action"]): void {
   const others = store.get().toasts.filter((toast) => toast.text !== text);
-  const toast = { key: next++, text, kind };
+  const toast = { key: next++, text, kind, action };
   store.set({ toasts: [...others, toast].slice(-MOST) });
   setTimeout(() => dismiss(toast.key), 1000 * SECONDS[kind]);
 }

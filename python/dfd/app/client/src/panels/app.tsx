@@ -3,6 +3,8 @@ import { useEffect } from "preact/hooks";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { Help } from "./help";
+import { Legend } from "./legend";
+import { Proposed } from "./proposals";
 import { Inspector } from "./inspector";
 import { Selection } from "./selection";
 import { Start } from "./start";
@@ -13,7 +15,7 @@ import { Topbar } from "./topbar";
 
 /** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const { page, inspector, timeline, dropping, narrow, busy } = useParts();
+  const { page, inspector, timeline, dropping, narrow, busy, mesh, dragging } = useParts();
   const shape = page === "shape";
   useEffect(() => {
     const root = document.documentElement;
@@ -21,7 +23,9 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
     root.dataset.inspector = String(shape && inspector);
     root.dataset.timeline = String(shape && timeline);
     root.dataset.busy = String(busy);
-  }, [page, inspector, timeline, busy]);
+    root.dataset.dragging = String(dragging);
+    document.title = shape && mesh ? `${mesh.name} – dfd` : "dfd";
+  }, [page, inspector, timeline, busy, mesh, dragging]);
   return (
     <>
       {shape && (
@@ -32,6 +36,8 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
           <Timeline />
           <Selection />
           <StatusLine />
+          <Legend />
+          <Proposed />
         </>
       )}
       {page === "start" && <Start />}

@@ -18,7 +18,7 @@ export function HandleList() {
   const handles = edit?.handles ?? [];
   const edited = handles.length + (edit?.fixed.length ?? 0) > 0;
   return (
-    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[ALL]} />}>
+    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[["", ALL]]} />}>
       {handles.length === 0 ? (
         <p class="empty">
           {ready({ edit })
@@ -49,6 +49,7 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
           aria-label={`New name of ${name}`}
           defaultValue={name}
           ref={(input) => input?.focus()}
+          onFocus={(event) => event.currentTarget.select()}
           onBlur={(event) => {
             setNaming(false);
             const typed = event.currentTarget.value.trim();

@@ -1,21 +1,23 @@
 import { useEffect, useState } from "preact/hooks";
 
 import { ask } from "../actions/connection";
+import type { Request } from "../protocol/binary_messages";
 import { change, changePart, move, setMotion, toggleCounterpart, type PartChange } from "../actions/edit";
 import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
-import type { HandleState } from "../protocol/messages";
+import type { Controls, HandleState } from "../protocol/messages";
 import { handleName, otherPlaces, present, stepAt, stepText, store, type GizmoMode, type State } from "../store/state";
 import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
 import {
   Button,
   count,
-  KeyButton,
+  ActionButton,
   More,
   NumberRow,
   Panel,
   percent,
+  Segmented,
   Select,
   titled,
   Toggle,
@@ -25,6 +27,8 @@ import { ControlField } from "./control_field";
 
 /** Controls that are always visible. */
 const SHOWN = ["reach", "locality"];
+/** The name of the control for who follows a handle. */
+const FOLLOW = "follow";
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
   const state = useParts();
@@ -33,7 +37,9 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const id = handle.handle;
   const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
   const names = (state.session?.controls ?? []).map(({ name }) => name).filter((name) => name in handle);
-  const folded = names.filter((name) => !SHOWN.includes(name) && (name !== "mask_feather" || handle.mask > 0));
+  const folded = names.filter(
+    (name) => !SHOWN.includes(name) && name !== FOLLOW && (name !== "mask_feather" || handle.mask > 0),
+  );
   const field = (name: string) => <ControlField key={name} name={name} handle={handle} />;
   const verb = {
     ...motionFields(transform, step, setMotion),
@@ -43,14 +49,9 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const pivot = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   return (
-    <Panel title={handleName(handle)} action={<KeyButton icon="reset" keys="0" disabled={!known.moved} />}>
+    <Panel title={handleName(handle)} action={<ActionButton action="reset" disabled={!known.moved} />}>
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
-      <Toggle
-        label="Move counterparts too"
-        hint="Click the mark of a counterpart in the view to switch it off or on."
-        value={handle.follow !== "none"}
-        onChange={(on) => change(id, { follow: on ? "all" : "none" })}
-      />
+      <Followers handle={known} />
       <Toggle
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
@@ -182,21 +183,15 @@ function Counterparts({ state, handle }: { readonly state: State; readonly handl
   );
 }
 
-type Way = readonly [way: PartChange, hint: string];
-
-const SIZES: readonly Way[] = [
-  ["smaller", "Give the handle the next smaller part (key [)"],
-  ["larger", "Give the handle the next larger part (key ])"],
-];
 /** Instead of a part, a handle can hold one of these regions. */
-const UNITS: readonly Way[] = [
+const UNITS: readonly (readonly [way: PartChange, hint: string])[] = [
   ["scene_part", "Give the handle the whole scene part, such as an object"],
   ["material", "Give the handle all faces with this material"],
   ["component", "Give the handle the whole connected component"],
 ];
 
 const NOT_FOUND =
-  "No part was found here, so all surface that looks alike follows. Take a smaller or larger part, or paint a region.";
+  "No part was found here, so all surface that looks alike follows. Take another step, or paint a region.";
 const LEFT = "Another piece touches this part, and stays behind.";
 
 interface PartButtonsProps {
@@ -204,21 +199,22 @@ interface PartButtonsProps {
   readonly handle: HandleState;
 }
 
-/** Buttons that change the handle's part. While the pointer is on a button, the view shows the new part. */
-function PartButtons({ ways, handle: { handle, columns, region, origin, level } }: PartButtonsProps) {
+/** The ladder of parts, and buttons for regions. While the pointer is on one of them, the view shows the new part. */
+function PartButtons({ ways, handle }: PartButtonsProps) {
   const { ladders } = useParts();
+  const { handle: id, columns, region, origin, level } = handle;
   const ladder = region === 0 ? ladders.get(origin) : undefined;
   const at = ladder ? stepAt(ladder, level) : 0;
-  const step = ladder?.steps[at];
-  const [pointed, setPointed] = useState<PartChange | null>(null);
+  const [pointed, setPointed] = useState<Request | null>(null);
   const [missing, setMissing] = useState<readonly PartChange[]>([]);
-  const held = [handle, ...columns.map(({ column }) => column)].join();
+  const held = [id, ...columns.map(({ column }) => column)].join();
   useEffect(() => setMissing([]), [held]);
   useEffect(() => {
     if (!pointed) return undefined;
     let current = true;
-    void ask({ type: "take_part", handle, how: pointed, preview: true }, true).then((answer) => {
-      if (!answer) setMissing((others) => [...others, pointed]);
+    void ask(pointed, true).then((answer) => {
+      if (!answer && pointed.type === "take_part") setMissing((others) => [...others, pointed.how]);
+      else if (!answer) return;
       else if (current)
         store.set({ probe: { vertex: null, level: 0, exact: true, weights: answer.payload.get("values", "U16") } });
     });
@@ -228,26 +224,76 @@ function PartButtons({ ways, handle: { handle, columns, region, origin, level } 
     };
   }, [pointed, held]);
   const leave = () => setPointed(null);
-  const [first, last] = ladder ? [at === 0, at === ladder.steps.length - 1] : [false, false];
-  const ends = { smaller: first, larger: last } as Partial<Record<PartChange, boolean>>;
-  const button = ([way, hint]: Way) => (
-    <Button
-      key={way}
-      text={titled(way)}
-      style={way === "larger" && step?.leaves && !last ? "primary small" : "small"}
-      title={missing.includes(way) ? "There is no such part here" : hint}
-      disabled={ways.length === 0 || missing.includes(way) || ends[way] === true}
-      onPoint={() => setPointed(way)}
-      onPress={() => void changePart(way)}
-    />
-  );
+  const point = (to: number) => () =>
+    setPointed({ type: "preview", handle: id, controls: { level: to, reach: "part" } });
+  const last = ladder ? ladder.steps.length - 1 : 0;
+  const step = ladder?.steps[at];
   return (
     <div role="group" aria-label="Part of the handle" onPointerLeave={leave} onFocusOut={leave}>
-      {step && <p class="step">{stepText({ ladders }, origin, level)}</p>}
-      <div class="buttons">{SIZES.map(button)}</div>
+      {ladder && (
+        <>
+          <p class="step">{stepText({ ladders }, origin, level)}</p>
+          <div class="ladder" role="group" aria-label="Size of the part">
+            {ladder.steps.map((each, i) => (
+              <button
+                key={each.level}
+                type="button"
+                aria-pressed={i === at}
+                aria-label={stepText({ ladders }, origin, each.level)}
+                title={stepText({ ladders }, origin, each.level)}
+                style={{ "--share": Math.sqrt(each.share) }}
+                onPointerEnter={point(each.level)}
+                onFocus={point(each.level)}
+                onClick={() => change(id, { level: each.level, reach: "part" })}
+              />
+            ))}
+          </div>
+        </>
+      )}
+      {!ladder && region > 0 && (
+        <div class="buttons">
+          {(["smaller", "larger"] as const).map((way) => (
+            <Button key={way} text={titled(way)} style="small" onPress={() => void changePart(way)} />
+          ))}
+        </div>
+      )}
       {step && !step.found && <p class="empty">{NOT_FOUND}</p>}
-      {step?.leaves && <p class="empty">{last ? LEFT : `${LEFT} A larger part may take it along.`}</p>}
-      <div class="buttons">{UNITS.filter(([way]) => ways.includes(way)).map(button)}</div>
+      {step?.leaves && <p class="empty">{at === last ? LEFT : `${LEFT} A larger step may take it along.`}</p>}
+      <div class="buttons">
+        {UNITS.filter(([way]) => ways.includes(way)).map(([way, hint]) => (
+          <Button
+            key={way}
+            text={titled(way)}
+            style="small"
+            title={missing.includes(way) ? "There is no such part here" : hint}
+            disabled={missing.includes(way)}
+            onPoint={() => setPointed({ type: "take_part", handle: id, how: way, preview: true })}
+            onPress={() => void changePart(way)}
+          />
+        ))}
+      </div>
     </div>
+  );
+}
+
+const FOLLOWERS: Record<string, string> = { all: "All alike", mirror: "Mirrored", none: "Only this" };
+
+/** Who follows the handle. */
+function Followers({ handle }: { readonly handle: HandleState }) {
+  const { session } = useParts();
+  const entry = session?.controls.find(({ name }) => name === FOLLOW);
+  if (!entry) return null;
+  return (
+    <>
+      <p class="label">Who follows</p>
+      <Segmented
+        label="Who follows"
+        hint={entry.hint}
+        value={handle.follow}
+        options={entry.choices}
+        named={FOLLOWERS}
+        onChange={(follow) => change(handle.handle, { follow } as Controls)}
+      />
+    </>
   );
 }

@@ -1,6 +1,6 @@
 import { useEffect, useRef } from "preact/hooks";
 
-import { SHORTCUTS, toggle, type Shortcut } from "../actions/keyboard";
+import { LIST, toggle, type Action } from "../actions/actions";
 import { useParts } from "../store/use";
 import { IconButton } from "../widgets/controls";
 
@@ -13,9 +13,14 @@ const POINTER: readonly Entry[] = [
   ["Shift Click", "Add the clicked part to the handle"],
   ["Ctrl Click", "Remove the clicked part from the handle"],
 ];
-const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
-function entriesOf(group: Shortcut[1]): readonly Entry[] {
-  return SHORTCUTS.filter((shortcut) => shortcut[1] === group).map(([keys, , label]) => [keys, label]);
+const TOUCH: readonly Entry[] = [
+  ["Tap", "Add a handle, or select one"],
+  ["Finger", "Orbit; on the gizmo, move the handle"],
+  ["2 Fingers", "Zoom and pan"],
+];
+const GROUPS: readonly Action["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
+function entriesOf(group: Action["group"]): readonly Entry[] {
+  return LIST.filter((action) => action.group === group).map(({ keys, label }) => [keys, label]);
 }
 
 export function Help() {
@@ -35,6 +40,7 @@ export function Help() {
         </header>
         <div class="key-groups">
           <KeyGroup title="Pointer" entries={POINTER} />
+          <KeyGroup title="Touch" entries={TOUCH} />
           {GROUPS.map((group) => (
             <KeyGroup key={group} title={group} entries={entriesOf(group)} />
           ))}

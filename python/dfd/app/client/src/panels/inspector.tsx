@@ -101,7 +101,14 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
           <dd>{features}</dd>
         </dl>
       )}
-      {report && <p class="report">{report.text}</p>}
+      {report && report.details.length > 0 && (
+        <details class="report">
+          <summary>What the edit did</summary>
+          {report.details.map((line) => (
+            <p key={line}>{line}</p>
+          ))}
+        </details>
+      )}
     </Panel>
   );
 }

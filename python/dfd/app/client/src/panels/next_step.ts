@@ -6,7 +6,7 @@ import { held } from "../viewer/scene";
 import { percent } from "../widgets/controls";
 
 const HINTS = {
-  fix: "Click a point to keep it still · click it again to release it · H ends",
+  fix: "Click a point to fix it: the colored surface stays · click it again to release it · H ends",
   paint: "Paint the shape · Shift erases · right button orbits · Esc ends",
   box: "Draw a box over the shape · Shift erases · right button orbits · Esc ends",
   pivot: "Drag the gizmo to move the pivot of the selected handle · Esc ends",
@@ -16,7 +16,7 @@ const GRIPS = { translate: "an arrow", rotate: "a ring", scale: "a cube", bend: 
 
 /** Entries of the menu in place of keys. */
 const IN_MENU: Record<string, string> = {
-  "X keeps a point still": "menu: fix points",
+  "X fixes a point": "menu: fix points",
   "K stores a pose": "menu: timeline",
 };
 
@@ -37,7 +37,14 @@ export function whenReady({ edit }: Pick<State, "edit">): string {
 }
 
 export function nextStep(state: State, touch = matchMedia("(pointer: coarse)").matches): string {
-  return touch ? onTouch(words(state)) : words(state);
+  return touch ? `${tapped(state)}${onTouch(words(state))}` : words(state);
+}
+
+/** Return the part that a tap took, because a finger cannot hover. */
+function tapped(state: State): string {
+  const handle = selectedHandle(state);
+  const step = handle && !state.dragging ? stepText(state, handle.origin, handle.level) : "";
+  return step && `${step} · `;
 }
 
 function words(state: State): string {
@@ -65,9 +72,9 @@ function words(state: State): string {
     return state.edit?.handles.length
       ? "Click a handle to change it, or another part to hold it · drag to orbit"
       : "Click a part to hold it: all parts like it follow · drag to orbit";
-  const bends = gizmo !== "bend" || axis?.handle !== selected || axis.tip !== null;
+  const bends = gizmo !== "bend" || axis?.handle !== selected || axis.bends !== null;
   if (!bends) return "This part cannot bend · [ ] smaller or larger part · W moves";
-  const again = handle.moved ? "click another part · X keeps a point still · K stores a pose" : "[ ] smaller or larger";
+  const again = handle.moved ? "click another part · X fixes a point · K stores a pose" : "[ ] smaller or larger";
   const modes = gizmo === "bend" ? "W moves" : "D bends";
   return `Drag ${GRIPS[gizmo]} · ${again} · ${modes}`;
 }

@@ -1,7 +1,11 @@
+import { useState } from "preact/hooks";
+
 import { send } from "../actions/connection";
 import { chooseFiles, megabytes } from "../actions/files";
+import { offer } from "../actions/toasts";
+import type { RecentShape } from "../protocol/messages";
 import { useParts } from "../store/use";
-import { handleCount, titled } from "../widgets/controls";
+import { handleCount, IconButton, titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
 /** Endings of files that are not meshes, which the list of mesh formats leaves out. */
@@ -28,18 +32,10 @@ export function Start() {
         </button>
         {recent.length > 0 && (
           <section aria-label="Recent">
-            <h2>Recent</h2>
+            <h2>Continue an edit</h2>
             <ul class="samples">
-              {recent.map(({ key, name, handles, seconds, present }) => (
-                <li key={key}>
-                  <button type="button" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
-                    <strong>{titled(name)}</strong>
-                    <small>
-                      {handleCount(handles)} · {new Date(1000 * seconds).toLocaleString()}
-                      {!present && " · open the mesh again to continue"}
-                    </small>
-                  </button>
-                </li>
+              {recent.map((each) => (
+                <Recent key={each.key} shape={each} />
               ))}
             </ul>
           </section>
@@ -50,7 +46,7 @@ export function Start() {
             <ul class="samples">
               {session.samples.map((sample) => (
                 <li key={sample}>
-                  <button type="button" onClick={() => send({ type: "open_sample", name: sample })}>
+                  <button type="button" class="opens" onClick={() => send({ type: "open_sample", name: sample })}>
                     <strong>{titled(sample)}</strong>
                   </button>
                 </li>
@@ -60,5 +56,53 @@ export function Start() {
         )}
       </div>
     </main>
+  );
+}
+
+function Recent({ shape: { key, name, handles, seconds, present, picture } }: { readonly shape: RecentShape }) {
+  const [naming, setNaming] = useState(false);
+  const remove = () => {
+    send({ type: "delete_kept", key });
+    offer(`${titled(name)} is deleted.`, { text: "Undo", run: () => send({ type: "restore_kept", key }) });
+  };
+  return (
+    <li class="recent">
+      {naming ? (
+        <input
+          class="rename"
+          aria-label={`New name of ${titled(name)}`}
+          defaultValue={titled(name)}
+          ref={(input) => input?.focus()}
+          onFocus={(event) => event.currentTarget.select()}
+          onBlur={(event) => {
+            setNaming(false);
+            const typed = event.currentTarget.value.trim();
+            if (typed && typed !== titled(name)) send({ type: "rename_kept", key, name: typed });
+          }}
+          onKeyDown={(event) => {
+            if (event.key === "Escape") event.currentTarget.value = titled(name);
+            if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
+          }}
+        />
+      ) : (
+        <button type="button" class="opens" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
+          {picture && <img src={picture} alt="" width={240} height={180} />}
+          <strong>{titled(name)}</strong>
+          <small>
+            {handleCount(handles)} · {new Date(1000 * seconds).toLocaleString()}
+            {!present && " · open the mesh again to continue"}
+          </small>
+        </button>
+      )}
+      <div class="card-tools">
+        <IconButton icon="rename" label={`Rename ${titled(name)}`} onPress={() => setNaming(true)} />
+        <IconButton
+          icon="copy"
+          label={`Duplicate ${titled(name)}`}
+          onPress={() => send({ type: "duplicate_kept", key })}
+        />
+        <IconButton icon="remove" label={`Delete ${titled(name)}`} onPress={remove} />
+      </div>
+    </li>
   );
 }

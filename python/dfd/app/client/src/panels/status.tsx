@@ -7,8 +7,9 @@ import { nextStep } from "./next_step";
 
 export function StatusLine() {
   const state = useParts();
-  const { link, dragging, report, ahead, saved, busy } = state;
+  const { link, dragging, report, ahead, saved, busy, drawn, progress } = state;
   const said = report && !dragging ? report.text : "";
+  const opens = !drawn || !ready(state) || progress?.task === "open";
   const kept = saved && ahead.size === 0;
   return (
     <footer class="status">
@@ -17,11 +18,13 @@ export function StatusLine() {
           ? "Reconnecting…"
           : link !== "open"
             ? titled(link)
-            : busy
-              ? "Working…"
-              : kept
-                ? "Saved"
-                : "Saving…"}
+            : opens
+              ? "Opening…"
+              : busy
+                ? "Working…"
+                : kept
+                  ? "Saved"
+                  : "Saving…"}
       </span>
       <span class="hint" role="status">
         {nextStep(state)}
@@ -40,6 +43,16 @@ export function Toasts() {
       {toasts.map((toast) => (
         <div key={toast.key} class={`toast ${toast.kind}`} role={toast.kind === "problem" ? "alert" : "status"}>
           <p>{toast.text}</p>
+          {toast.action && (
+            <Button
+              text={toast.action.text}
+              style="small"
+              onPress={() => {
+                toast.action?.run();
+                dismiss(toast.key);
+              }}
+            />
+          )}
           <IconButton icon="remove" label="Dismiss" onPress={() => dismiss(toast.key)} />
         </div>
       ))}
@@ -47,26 +60,24 @@ export function Toasts() {
   );
 }
 
-/** The progress of background work, or a button that starts to learn features. */
+/** The progress of background work until parts can be held, or a button that starts to learn features. */
 export function ProgressCard() {
-  const { progress, edit, mesh } = useParts();
-  if (progress) {
-    const { share, text } = progress;
+  const { progress, edit, mesh, drawn } = useParts();
+  if (progress || (mesh && !drawn)) {
+    const { share = null, text = "Drawing the shape", task = "open", seconds_left: left = null } = progress ?? {};
     return (
       <section class="card progress" aria-label="Progress">
         <div class="card-line">
           <strong>{text}</strong>
-          <span>{remaining(progress.seconds_left)}</span>
+          <span>{remaining(left)}</span>
         </div>
         <progress aria-label="Progress" {...(share === null ? {} : { value: share })} max={1} />
-        <div class="card-line">
-          <small>
-            {ready({ edit }) && progress.task === "distill" && "You can begin: parts are those of the geometry."}
-          </small>
-          {progress.task === "distill" && (
+        {task === "distill" && (
+          <div class="card-line">
+            <small>{ready({ edit }) && "You can begin: parts are those of the geometry."}</small>
             <Button text="Cancel" style="small" onPress={() => send({ type: "cancel" })} />
-          )}
-        </div>
+          </div>
+        )}
       </section>
     );
   }

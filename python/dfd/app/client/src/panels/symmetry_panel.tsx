@@ -11,8 +11,12 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
   const { mesh } = useParts();
   const size = mesh?.diagonal ?? 1;
   const planes = new Map<string, SymmetryPlane | Axis | null>([["None", null]]);
-  found.forEach((plane, i) => planes.set(axisOf(plane) ?? `Slanted ${i + 1}`, plane));
-  for (const axis of AXES) if (!planes.has(axis.toUpperCase())) planes.set(axis.toUpperCase(), axis);
+  // The order is the same for every shape.
+  for (const axis of AXES) {
+    planes.set(axis.toUpperCase(), found.find((plane) => axisOf(plane) === axis.toUpperCase()) ?? axis);
+  }
+  const slanted = found.filter((plane) => axisOf(plane) === undefined);
+  slanted.forEach((plane, i) => planes.set(`Slanted ${i + 1}`, plane));
   const shown = used && ([...planes].find(([, plane]) => same(plane, used))?.[0] ?? axisOf(used) ?? "Other");
   if (used && shown && !planes.has(shown)) planes.set(shown, used);
   return (

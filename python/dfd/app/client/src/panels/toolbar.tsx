@@ -1,28 +1,33 @@
 import { ready } from "../store/state";
 import { useParts } from "../store/use";
-import { KeyButton } from "../widgets/controls";
+import { ActionButton } from "../widgets/controls";
 
-const TOOLS = { hold: "H", fix: "X", paint: "B", box: "M" } as const;
-const MODES = { translate: "W", rotate: "E", scale: "R", bend: "D" } as const;
+const TOOLS = ["hold", "fix", "paint", "box", "pivot"] as const;
+const MODES = ["translate", "rotate", "scale", "bend"] as const;
 
 export function Toolbar() {
-  const { edit, tool, gizmo, comparing, suggestions } = useParts();
+  const { edit, tool, gizmo, snap, local, xray, isolated, weights, comparing, suggestions } = useParts();
   const disabled = !ready({ edit });
   return (
     <nav class="toolbar" aria-label="Tools">
       <div role="group" aria-label="What a click does">
-        {(Object.keys(TOOLS) as (keyof typeof TOOLS)[]).map((name) => (
-          <KeyButton key={name} icon={name} keys={TOOLS[name]} pressed={tool === name} disabled={disabled} />
+        {TOOLS.map((name) => (
+          <ActionButton key={name} action={name} pressed={tool === name} disabled={disabled} />
         ))}
       </div>
       <div role="group" aria-label="Gizmo">
-        {(Object.keys(MODES) as (keyof typeof MODES)[]).map((name) => (
-          <KeyButton key={name} icon={name} keys={MODES[name]} pressed={gizmo === name} disabled={disabled} />
+        {MODES.map((name) => (
+          <ActionButton key={name} action={name} pressed={gizmo === name} disabled={disabled} />
         ))}
+        <ActionButton action="snap" pressed={snap} disabled={disabled} />
+        <ActionButton action="local" pressed={local} disabled={disabled} />
       </div>
       <div role="group" aria-label="Shape">
-        <KeyButton icon="suggest" keys="G" pressed={suggestions.length > 0} disabled={disabled} />
-        <KeyButton icon="compare" keys="C" pressed={comparing} disabled={disabled} />
+        <ActionButton action="xray" pressed={xray} />
+        <ActionButton action="isolate" pressed={isolated} disabled={disabled} />
+        <ActionButton action="weights" pressed={weights} disabled={disabled} />
+        <ActionButton action="suggest" pressed={suggestions.length > 0} disabled={disabled} />
+        <ActionButton action="compare" pressed={comparing} disabled={disabled} />
       </div>
     </nav>
   );

@@ -1,11 +1,11 @@
 import { send } from "../actions/connection";
 import { chooseFiles, exportAs } from "../actions/files";
-import { LOOKS, SHORTCUTS } from "../actions/keyboard";
+import { ACTIONS, LOOKS, type Action, type ActionName } from "../actions/actions";
 import type { Export } from "../protocol/messages";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { handleCount, IconButton, KeyButton, Menu, Segmented, titled, type MenuItem } from "../widgets/controls";
+import { handleCount, ActionButton, Menu, Segmented, titled, type MenuGroup, type MenuItem } from "../widgets/controls";
 
 const exported = (text: string, hint: string, format: Export["format"], possible = true): MenuItem => [
   text,
@@ -13,28 +13,28 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   possible ? () => void exportAs(format) : null,
 ];
 
-/** Return menu items for the actions of keyboard shortcuts. They show the keys, unless the page is on a phone. */
-function keyItems(group: readonly string[], shown = true): readonly MenuItem[] {
-  return SHORTCUTS.filter(([keys]) => group.includes(keys)).map(([keys, , label, run]) => [
-    label,
-    shown ? keys : "",
-    () => void run(),
-  ]);
+/** Return menu items for actions. They show the keys, unless the page is on a phone. */
+function actionItems(names: readonly ActionName[], keyed = true): readonly MenuItem[] {
+  return names.map((name) => {
+    const { label, keys, run }: Action = ACTIONS[name];
+    return [label, keyed ? keys : "", () => void run()];
+  });
 }
 
 const VIEWS = [
-  ["F", "Shift F", "5"],
-  ["1", "3", "7"],
-  ["Shift 1", "Shift 3", "Shift 7"],
-];
-const TOOLS = ["H", "X", "B", "M", "P"];
-const MODES = ["W", "E", "R", "D"];
+  ["frame", "frameShape", "orthographic"],
+  ["front", "right", "top"],
+  ["back", "left", "bottom"],
+] as const;
+const TOOLS = ["hold", "fix", "paint", "box", "pivot"] as const;
+const MODES = ["translate", "rotate", "scale", "bend"] as const;
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const { edit, mesh, recent, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();
   const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", narrow ? "" : "Ctrl O", chooseFiles],
+    ["Start fresh", "keeps this edit", ready({ edit }) ? () => send({ type: "start_fresh" }) : null],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
   const earlier = recent.map(({ key, name, handles, present }): MenuItem => {
@@ -64,9 +64,13 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     return [name, i === done ? "now" : "", i === done ? null : () => send({ type: "go", step: i })];
   });
   history.reverse();
-  const undo = <KeyButton icon="undo" keys="Ctrl Z" disabled={!edit?.can_undo} />;
-  const redo = <KeyButton icon="redo" keys="Ctrl Shift Z" disabled={!edit?.can_redo} />;
-  const inspect = <KeyButton icon="inspector" keys="I" pressed={inspector} />;
+  const pictures: MenuItem[] = [
+    ["Save a picture", "PNG", () => viewer.screenshot()],
+    ["Without background", "PNG", () => viewer.screenshot(true)],
+  ];
+  const undo = <ActionButton action="undo" disabled={!edit?.can_undo} />;
+  const redo = <ActionButton action="redo" disabled={!edit?.can_redo} />;
+  const inspect = <ActionButton action="inspector" pressed={inspector} />;
   const name = (
     <h1 class="name" title={mesh?.name}>
       {mesh?.name ?? "dfd"}
@@ -78,17 +82,18 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       each === look ? "now" : "",
       () => store.set({ look: each }),
     ]);
-    const short = (keys: readonly string[]) => keyItems(keys, false);
-    const groups = [
-      [...open, ...saved],
-      earlier,
-      short(TOOLS),
-      short(["A", "C", "T", "?"]),
-      shapes,
-      rigs,
-      looks,
-      ...VIEWS.map(short),
-      history,
+    const short = (names: readonly ActionName[]) => actionItems(names, false);
+    const groups: MenuGroup[] = [
+      ["File", [...open, ...saved]],
+      ["Continue an edit", earlier],
+      ["What a tap does", short(TOOLS)],
+      ["Gizmo", short(["snap", "local"])],
+      ["Shape", short(["suggest", "compare", "weights", "xray", "isolate", "timeline", "help"])],
+      ["Export", [...shapes, ...rigs]],
+      ["Picture", pictures],
+      ["Look", looks],
+      ["View", VIEWS.flatMap(short)],
+      ["Steps", history],
     ];
     return (
       <header class="topbar">
@@ -96,7 +101,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         {name}
         {undo}
         {redo}
-        <Menu icon={gizmo} label="Motion" groups={[keyItems(MODES, false)]} />
+        <Menu icon={gizmo} label="Motion" groups={[["", actionItems(MODES, false)]]} />
         {inspect}
       </header>
     );
@@ -104,24 +109,40 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   return (
     <header class="topbar">
       <div class="bar-group">
-        <Menu icon="open" label="File" groups={[open, earlier, saved]} />
+        <Menu
+          icon="open"
+          label="File"
+          groups={[
+            ["", open],
+            ["Continue", earlier],
+            ["", saved],
+          ]}
+        />
         {name}
       </div>
       <div class="bar-group">
         {undo}
         {redo}
-        <Menu icon="steps" label="Steps" groups={[history]} />
+        <Menu icon="steps" label="Steps" groups={[["", history]]} />
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
-        <Menu icon="views" label="Views" groups={VIEWS.map((keys) => keyItems(keys))} />
-        <KeyButton icon="wire" keys="Z" pressed={wireframe} />
+        <Menu icon="views" label="Views" groups={VIEWS.map((names) => ["", actionItems(names)] as const)} />
+        <ActionButton action="wire" pressed={wireframe} />
       </div>
       <div class="bar-group end">
-        <IconButton icon="camera" label="Screenshot" onPress={() => viewer.screenshot()} />
-        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs]} />
-        <KeyButton icon="timeline" keys="T" pressed={timeline} />
-        <KeyButton icon="help" keys="?" />
+        <Menu icon="camera" label="Picture" groups={[["", pictures]]} />
+        <Menu
+          icon="save"
+          label="Export"
+          text="Export"
+          groups={[
+            ["The shape", shapes],
+            ["To animate", rigs],
+          ]}
+        />
+        <ActionButton action="timeline" pressed={timeline} />
+        <ActionButton action="help" />
         {inspect}
       </div>
     </header>

@@ -40,9 +40,16 @@ export interface Picked {
   readonly point: Vec3;
 }
 
+export interface Proposals {
+  readonly handle: number;
+  readonly choices: readonly { readonly label: string; readonly controls: object; readonly picture: string }[];
+}
+
 interface Toast {
   readonly key: number;
   readonly text: string;
+  /** A button beside the text. */
+  readonly action?: { readonly text: string; readonly run: () => unknown } | undefined;
   readonly kind: "note" | "problem";
 }
 
@@ -59,6 +66,8 @@ export const CLOSED = {
   meshArrays: null as Payload | null,
   /** Samples of the surface, which measure how much of the surface follows a handle. */
   surface: null as Surface | null,
+  /** Whether the shape is visible. */
+  drawn: false,
   /** The colors that show the features of the vertices, (V, 4). */
   featureColors: null as Uint8Array | null,
   /** The server's pose, for blends that the shader does not support. */
@@ -92,6 +101,10 @@ export const CLOSED = {
   similar: null as SimilarMessage | null,
   /** The possible pivots of the selected handle, and the axis of its part. */
   axis: null as AxisMessage | null,
+  /** How strongly each vertex stays in place, times 65535, (V), while the user fixes points. */
+  stays: null as Uint16Array | null,
+  /** Other controls for the handle that the user has just moved, with small pictures of the shape. */
+  proposals: null as Proposals | null,
   report: null as ReportMessage | null,
   /** Whether the server has stored the newest edit on its disk. */
   saved: true,
@@ -100,6 +113,8 @@ export const CLOSED = {
   /** The transform of each handle at the moment that the timeline shows; null if the page shows the edit. */
   moment: null as ReadonlyMap<number, Transform> | null,
   playing: false,
+  /** The index of the chosen key pose. */
+  pose: 0,
 };
 
 const INITIAL = {
@@ -137,6 +152,8 @@ const INITIAL = {
   /** The newest command for the camera: show the shape or the handle's part, or look from a direction. */
   framed: null as { readonly what: "shape" | "selection" | View } | null,
   xray: false,
+  /** Whether the surface that follows the selected handle is always colored. */
+  weights: false,
   /** Whether only the part of the selected handle is shown. */
   isolated: false,
   /** Whether the inspector shows rarely used settings. */
@@ -221,6 +238,14 @@ export function draws(tool: Tool): tool is "paint" | "box" {
 /** Return whether only the surface that follows the selected handle is visible. */
 export function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">): boolean {
   return isolated && selected !== null && !painted;
+}
+
+/** Return whether the view colors the surface that follows the selected handle: while it is chosen, or on request. */
+export function colorsHandle(state: State): boolean {
+  const handle = selectedHandle(state);
+  if (!handle) return false;
+  const resized = state.dragging && state.ahead.get(handle.handle)?.level !== undefined;
+  return state.look === "heat" || state.weights || resized || (!handle.moved && !state.dragging && !state.moment);
 }
 
 /** Return the color of a handle. Hues at multiples of the golden angle are distinct for any number of handles. */

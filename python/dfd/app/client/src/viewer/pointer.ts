@@ -65,9 +65,12 @@ export class Pointer {
     });
   }
 
+  /** After a press, the hover mark would cover the gizmo. It comes back when the pointer moves. */
   private released(event: PointerEvent): void {
     const { down, drawing } = this;
     if (down?.id !== event.pointerId) return;
+    cancelAnimationFrame(this.frame);
+    this.frame = 0;
     if (drawing === "box") this.stroke(event, true);
     if (drawing) store.set({ stroked: [event.clientX, event.clientY] });
     this.forget();
@@ -91,7 +94,9 @@ export class Pointer {
 
   private hover(event: PointerEvent): void {
     clearTimeout(this.timer);
-    const picked = this.viewer.gizmo.busy ? null : this.viewer.pick(...this.at(event));
+    const { busy } = this.viewer.gizmo;
+    const picked = busy ? null : this.viewer.pick(...this.at(event));
+    this.canvas.dataset.cursor = busy ? "gizmo" : picked && ready(store.get()) ? "part" : "";
     if (!picked) {
       this.unhover();
       return;
@@ -144,7 +149,7 @@ function click(picked: Picked | null, { shiftKey, ctrlKey, metaKey }: PointerEve
   if (!picked) select(null);
   if (!picked || !ready(state)) return;
   const { vertex } = picked;
-  store.set({ hover: picked, probe: null });
+  store.set({ hover: null, probe: null });
   if (shiftKey || ctrlKey || metaKey) void changePart(shiftKey ? "add" : "remove", vertex);
   else if (state.tool === "fix") toggleFixed(vertex);
   else if (state.tool === "hold") hold(vertex);

@@ -16,7 +16,7 @@ import {
 import { EMPTY_SCENE, height, type Column, type Mirror, type Scene } from "../posing/columns";
 import { heldPart } from "../posing/held";
 import type { ColumnState, HandleState, SymmetryPlane } from "../protocol/messages";
-import { present, type State } from "../store/state";
+import { colorsHandle, isolates, present, type State } from "../store/state";
 
 /** Return the handle's motion at a counterpart: in the counterpart's frame and about the counterpart's pivot. */
 export function columnMatrix(handle: Placed, { frame, position }: ColumnState): Matrix4 {
@@ -42,6 +42,7 @@ export function sceneOf(state: State): Scene {
   const { center } = mesh;
   const { symmetry } = edit;
   const columns: Column[] = [];
+  const colored = colorsHandle(state) || isolates(state);
   for (const own of edit.handles) {
     const handle = present(state, own);
     for (const each of own.columns) {
@@ -51,13 +52,14 @@ export function sceneOf(state: State): Scene {
         handle: own.handle,
         weights,
         positive: !symmetry || height(symmetry, each.position) >= 0,
-        heat: !probe && !painted && state.selected === own.handle ? 1 : 0,
+        heat: colored && !probe && !painted && state.tool !== "fix" && state.selected === own.handle ? 1 : 0,
         transform: state.comparing ? IDENTITY : relative(columnMatrix(handle, each), center),
       });
     }
   }
   if (painted) columns.push(shownColumn(painted.weights, PAINTED));
   else if (probe) columns.push(shownColumn(probe.weights, 1));
+  else if (state.tool === "fix" && state.stays) columns.push(shownColumn(state.stays, 1));
   const d0 = state.comparing ? null : edit.default;
   const rest = d0 && matrixOf({ ...REST, ...d0 }, center);
   return {

@@ -56,6 +56,8 @@ export class Shape {
   private readonly edge: number;
   private look: Look = "texture";
   private heats = false;
+  private hidden = false;
+  private asked = false;
 
   constructor(
     readonly message: MeshMessage,
@@ -105,6 +107,7 @@ export class Shape {
   dress(state: State): void {
     const { look, xray, comparing, wireframe } = state;
     this.look = look;
+    this.asked = state.weights;
     this.isolated = isolates(state);
     this.wires.visible = wireframe && !this.isolated;
     this.shared.heatStrength.value = comparing ? 0 : 1;
@@ -113,6 +116,12 @@ export class Shape {
       each.transparent = xray || each.uniforms.blends.value === true;
       each.depthWrite = !xray;
     }
+    this.compile();
+  }
+
+  /** Hide the colors of weights for a picture, unless the look or the user asks for them. */
+  hideHeat(hide: boolean): void {
+    this.hidden = hide && this.look !== "heat" && !this.asked;
     this.compile();
   }
 
@@ -169,7 +178,7 @@ export class Shape {
       OWN: own,
       COLORS: own && geometry.hasAttribute("rowColor"),
       FEATURES: look === "features" && geometry.hasAttribute("featureColor"),
-      HEAT: look === "heat" || (look !== "features" && heats),
+      HEAT: look === "heat" || (look !== "features" && heats && !this.hidden),
       HEAT_ALONE: look === "heat",
       ISOLATED: this.isolated,
     };

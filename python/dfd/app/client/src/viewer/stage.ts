@@ -1,12 +1,12 @@
 /** Renderer, camera and orbit controls; the scene is drawn only after changes. */
 
-import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
+import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer, WebGLRenderTarget } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "../posing/affine";
 import type { View } from "../store/state";
 
-const FIELD_OF_VIEW = 38;
+export const FIELD_OF_VIEW = 38;
 /** At this field of view, all rays of the picture are parallel up to less than a pixel: the view is orthographic. */
 const NARROW_FIELD = 0.1;
 
@@ -68,6 +68,30 @@ export class Stage {
     this.draws();
     this.renderer.render(this.scene, this.camera);
     this.drawn();
+  }
+
+  /** Draw the picture with a transparent background, and return its pixels. */
+  pixels(): ImageData {
+    const { width, height } = this.canvas;
+    const target = new WebGLRenderTarget(width, height, { samples: 4 });
+    const { background } = this.scene;
+    this.scene.background = null;
+    this.renderer.setClearAlpha(0);
+    this.renderer.setRenderTarget(target);
+    this.renderer.clear();
+    this.renderer.render(this.scene, this.camera);
+    const bytes = new Uint8ClampedArray(4 * width * height);
+    this.renderer.readRenderTargetPixels(target, 0, 0, width, height, bytes);
+    this.renderer.setRenderTarget(null);
+    this.renderer.setClearAlpha(1);
+    this.scene.background = background;
+    target.dispose();
+    // The first row that WebGL reads is the lowest.
+    const picture = new ImageData(width, height);
+    for (let row = 0; row < height; row++) {
+      picture.data.set(bytes.subarray(4 * width * row, 4 * width * (row + 1)), 4 * width * (height - 1 - row));
+    }
+    return picture;
   }
 
   /** Look at a shape at the origin with the given radius, from the view `usual`. */

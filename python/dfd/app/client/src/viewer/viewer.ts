@@ -15,10 +15,10 @@ import {
 import { savePicture } from "../actions/files";
 import { problem } from "../actions/toasts";
 import { weightOf } from "../posing/columns";
-import { draws, isolates, store, type Picked, type State } from "../store/state";
+import { draws, isolates, store, type Picked, type Posed, type State } from "../store/state";
 import { touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
-import { drawMarks, marksOf } from "./overlays/marks";
+import { drawMarks, marksOf, ringMarks } from "./overlays/marks";
 import { Picker } from "./picker";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
@@ -42,22 +42,70 @@ export class Viewer {
       this.shape?.posed.update();
       this.shape?.fadeWires(this.stage.slopeOfPixel);
     };
-    this.stage.drawn = () => drawMarks(overlay, this.marks, (point) => this.stage.project(point));
-    this.gizmo = new Gizmo(this.stage.camera, canvas, () => this.stage.invalidate());
+    this.stage.drawn = () => {
+      drawMarks(overlay, [...ringMarks(this.gizmo), ...this.marks], (point) => this.stage.project(point));
+      // The browser shows the picture after this frame.
+      if (this.shape && !store.get().drawn) requestAnimationFrame(() => setTimeout(() => store.set({ drawn: true })));
+    };
+    this.gizmo = new Gizmo(this.stage);
     this.stage.scene.add(this.plane, this.gizmo.proxy, this.gizmo.helper);
     this.follow(overlay);
   }
 
-  /** Save a picture of the view without the mirror plane and the gizmo. */
-  screenshot(): void {
+  /** Save a picture of the shape alone, without colors of weights; on request, with a transparent background. */
+  screenshot(transparent = false): void {
     const { stage } = this;
-    const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
-    helpers.forEach((helper) => (helper.visible = false));
-    stage.draw();
-    stage.canvas.toBlob((blob) => {
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [stage.canvas.width, stage.canvas.height];
+    this.bare(() => {
+      const context = canvas.getContext("2d");
+      if (transparent) context?.putImageData(stage.pixels(), 0, 0);
+      else context?.drawImage(stage.canvas, 0, 0);
+    });
+    canvas.toBlob((blob) => {
       if (blob) savePicture(blob);
       else problem("The browser could not make a picture of this size.");
     });
+  }
+
+  /** Return a small picture of the shape as a data: URL; with `posed`, of this pose around the selected handle. */
+  thumbnail(posed?: Posed): string {
+    const { stage, shape } = this;
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [240, 180];
+    const scale = stage.canvas.height / stage.height;
+    const [x, y] = stage.project(posed ? this.gizmo.proxy.position.toArray() : [0, 0, 0]) ?? [0, 0];
+    const radius = (shape?.radius ?? 1) / (stage.camera.position.distanceTo(stage.orbit.target) * stage.slopeOfPixel);
+    // A quarter of the width, and a third of the height, of what the picture shows.
+    const size = ((posed ? 1.1 : 2.4) * radius * scale) / 3;
+    if (posed) shape?.setPosed(posed);
+    this.bare(() => {
+      const context = canvas.getContext("2d");
+      context?.drawImage(
+        stage.canvas,
+        x * scale - 2 * size,
+        y * scale - 1.5 * size,
+        4 * size,
+        3 * size,
+        0,
+        0,
+        240,
+        180,
+      );
+    });
+    if (posed) shape?.setPosed(store.get().posed);
+    return canvas.toDataURL("image/jpeg", 0.8);
+  }
+
+  /** Draw the shape alone, call `read`, and draw everything again. */
+  private bare(read: () => void): void {
+    const { stage, shape } = this;
+    const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
+    helpers.forEach((helper) => (helper.visible = false));
+    shape?.hideHeat(true);
+    stage.draw();
+    read();
+    shape?.hideHeat(false);
     helpers.forEach((helper) => (helper.visible = true));
     stage.invalidate();
   }
@@ -90,7 +138,7 @@ export class Viewer {
     store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, comparing, edit, xray, ...state }) => {
-        return [look, wireframe, comparing, edit?.symmetry, xray, isolates(state)];
+        return [look, wireframe, comparing, edit?.symmetry, xray, state.weights, isolates(state)];
       },
       () => this.dress(),
     );
@@ -210,8 +258,22 @@ export class Viewer {
 
 /** Keys of the state on which the pose and the marks depend. */
 const POSED_BY = [
-  ...(["edit", "columns", "ahead", "moment", "comparing", "probe", "painted", "selected", "mesh"] as const),
   ...([
+    "edit",
+    "columns",
+    "ahead",
+    "moment",
+    "comparing",
+    "probe",
+    "painted",
+    "selected",
+    "mesh",
+    "stays",
+    "weights",
+    "look",
+  ] as const),
+  ...([
+    "isolated",
     "hover",
     "ladders",
     "level",

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
-import { shortcut, toggle } from "../actions/keyboard";
+import { ACTIONS, toggle, type ActionName } from "../actions/actions";
 import { useParts } from "../store/use";
 import { Icon, type IconName } from "./icons";
 
@@ -55,10 +55,14 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
   );
 }
 
-/** A button for the action of a keyboard shortcut. */
-export function KeyButton({ keys, ...rest }: Omit<IconButtonProps, "label" | "onPress"> & { readonly keys: string }) {
-  const [, , label, run] = shortcut(keys) ?? [];
-  return <IconButton label={label ?? keys} keys={keys} onPress={run} {...rest} />;
+interface ActionButtonProps extends Pick<IconButtonProps, "pressed" | "disabled"> {
+  readonly action: ActionName & IconName;
+}
+
+/** A button for an action. */
+export function ActionButton({ action, ...rest }: ActionButtonProps) {
+  const { keys, label, run } = ACTIONS[action];
+  return <IconButton icon={action} label={label} keys={keys} onPress={run} {...rest} />;
 }
 
 interface ButtonProps {
@@ -102,13 +106,33 @@ interface ChoiceProps<Value extends string> extends FieldProps<Value> {
   readonly named?: Partial<Record<Value, string>>;
 }
 
+/** Return a value that shows the user's choice at once, for a second. Within this time, the server confirms it. */
+function useAhead<Value>(value: Value): [Value, (chosen: Value) => void] {
+  const [held, setHeld] = useState<{ readonly chosen: Value } | null>(null);
+  useEffect(() => {
+    if (held === null) return undefined;
+    const timer = setTimeout(() => setHeld(null), 1000);
+    return () => clearTimeout(timer);
+  }, [held, value]);
+  return [held ? held.chosen : value, (chosen) => setHeld({ chosen })];
+}
+
 /** A choice among a few words, all of which are visible. */
-export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
+export function Segmented<Value extends string>({ label, value, options, hint, named, onChange }: ChoiceProps<Value>) {
+  const [chosen, choose] = useAhead(value);
   return (
     <div class="segmented" role="group" aria-label={label} aria-description={hint} title={hint}>
       {options.map((option) => (
-        <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
-          {titled(option)}
+        <button
+          key={option}
+          type="button"
+          aria-pressed={option === chosen}
+          onClick={() => {
+            choose(option);
+            onChange(option);
+          }}
+        >
+          {titled(named?.[option] ?? option)}
         </button>
       ))}
     </div>
@@ -199,14 +223,7 @@ interface SliderProps extends FieldProps<number> {
 }
 
 export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onChange }: SliderProps) {
-  const [held, setHeld] = useState<number | null>(null);
-  const shown = held ?? value;
-  // The slider shows the user's value for a second. Within this time, the server usually confirms it.
-  useEffect(() => {
-    if (held === null) return undefined;
-    const timer = setTimeout(() => setHeld(null), 1000);
-    return () => clearTimeout(timer);
-  }, [held, value]);
+  const [shown, setHeld] = useAhead(value);
   return (
     <div class="slider" title={hint}>
       <span aria-hidden="true">{label}</span>
@@ -247,11 +264,14 @@ export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
 /** A menu item, which is disabled if `run` is null. */
 export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
+/** Items of a menu under a title, which may be empty. */
+export type MenuGroup = readonly [title: string, items: readonly MenuItem[]];
+
 interface MenuProps {
   readonly icon: IconName;
   readonly label: string;
   readonly text?: string;
-  readonly groups: readonly (readonly MenuItem[])[];
+  readonly groups: readonly MenuGroup[];
 }
 
 export function Menu({ icon, label, text, groups }: MenuProps) {
@@ -300,8 +320,9 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
       </button>
       {open && (
         <div class="menu-list" role="menu" aria-label={label}>
-          {groups.map((group, i) => (
-            <div key={i} role="group" hidden={group.length === 0}>
+          {groups.map(([title, group], i) => (
+            <div key={i} role="group" aria-label={title || undefined} hidden={group.length === 0}>
+              {title && <p class="menu-title">{title}</p>}
               {group.map(([line, hint, run], number) => (
                 <button
                   key={number}

@@ -94,6 +94,10 @@ function installHook() {
       },
       /** Return whether the gizmo is shown, and so takes the pointer. */
       hasGizmo: () => viewer.gizmo.helper.visible,
+      /** Return the position of the gizmo on the page, in pixels. */
+      grip() {
+        return this.place(viewer.gizmo.proxy.position.toArray());
+      },
       camera: () => stage.camera.position.toArray(),
       /** Return the unit vector from the point at the middle of the view to the camera. */
       direction: () => stage.camera.position.clone().sub(stage.orbit.target).normalize().toArray(),
@@ -233,6 +237,18 @@ export async function drag(page, [x, y], distance, during = async () => {}) {
   await page.waitForTimeout(50);
   await page.mouse.down();
   for (let i = 1; i <= 6; i++) await page.mouse.move(...to(size + (distance * i) / 6));
+  await during();
+  await page.mouse.up();
+  await until(page, (s) => !s.dragging && s.ahead.size === 0);
+}
+
+/** Press at a pixel, move the pointer by (x, y) pixels, and release it. */
+export async function pull(page, from, [x, y], during = async () => {}) {
+  await page.mouse.move(from[0] + 2, from[1]);
+  await page.mouse.move(...from);
+  await page.waitForTimeout(80);
+  await page.mouse.down();
+  for (let i = 1; i <= 8; i++) await page.mouse.move(from[0] + (x * i) / 8, from[1] + (y * i) / 8);
   await during();
   await page.mouse.up();
   await until(page, (s) => !s.dragging && s.ahead.size === 0);

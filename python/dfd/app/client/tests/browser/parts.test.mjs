@@ -29,13 +29,23 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
   await t.test("the handle holds a larger part, then the smaller part again", async () => {
     await page.keyboard.press("]");
     await until(page, (s) => s.edit.handles[0].level === 1);
-    const smaller = page.getByRole("button", { name: "Smaller" });
+    const steps = page.getByRole("group", { name: "Size of the part" }).getByRole("button");
+    const ladder = await state(page, (s) => s.ladders.get(s.edit.handles[0].origin).steps);
+    await steps.first().waitFor();
+    assert.equal(await steps.count(), ladder.length);
+    assert.equal(new Set(ladder.map(({ text }) => text)).size, ladder.length, "two steps have the same words");
+    const usual = ladder.findIndex(({ level: each }) => each === 0);
+    const words = `${usual + 1} of ${ladder.length}: ${ladder[usual].text}`;
+    assert.equal(await steps.nth(usual).getAttribute("aria-label"), words);
+    const smaller = steps.nth(usual);
     await smaller.hover();
     await until(page, (s) => s.probe !== null);
-    assert.equal(await level(), 1, "the button only previews the part until it is pressed");
+    assert.equal(await level(), 1, "a step only previews the part until it is pressed");
     await shot(page, "part_preview");
     await smaller.click();
     await until(page, (s) => s.edit.handles[0].level === 0);
+    assert.equal(await smaller.getAttribute("aria-pressed"), "true");
+    assert.equal(await page.locator(".step").textContent(), words);
     assert.equal(await state(page, (s) => s.edit.handles.length), 1);
     await shot(page, "part");
   });
@@ -45,7 +55,8 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     for (let i = 0; i < 20 && !(await end.isVisible()); i++, await page.waitForTimeout(300))
       await page.keyboard.press("[");
     await end.waitFor();
-    assert.ok(await page.getByRole("button", { name: "Smaller" }).isDisabled());
+    const first = page.getByRole("group", { name: "Size of the part" }).getByRole("button").first();
+    assert.equal(await first.getAttribute("aria-pressed"), "true");
     assert.match(await page.locator(".step").textContent(), /^1 of /);
     assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "a toast is no note");
     await shot(page, "part_smallest");
@@ -60,10 +71,12 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
         const { at } = await visibleVertex(page, [each]).catch(() => ({ at: null }));
         if (!at) continue;
         await click(at, key);
-        await page.waitForTimeout(300);
+        await page.waitForTimeout(400);
+        await until(page, (s) => !s.busy);
         if (wanted(await region())) return region();
       }
-      assert.fail(`${key} and a click never changed the region of ${await region()}`);
+      const said = await state(page, (s) => s.toasts.map(({ text }) => text));
+      assert.fail(`${key} and a click never changed the region of ${await region()}: ${said}`);
     };
     const grown = await clickUntil("Shift", (size) => size > 0);
     await clickUntil("Control", (size) => size < grown);

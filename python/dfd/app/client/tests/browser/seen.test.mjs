@@ -34,10 +34,10 @@ test("rarely used settings are hidden, and the page remembers when they are show
 
 test("a drag of the tip bends the held part as the kernel does", { timeout: PATIENCE }, async () => {
   await page.keyboard.press("d");
-  await until(page, (s) => s.axis?.tip && window.dfd.rests());
+  await until(page, (s) => s.axis?.bends && window.dfd.rests());
   const at = await page.evaluate(() => {
     const { axis, mesh } = window.dfd.store.get();
-    return window.dfd.place(axis.tip.map((x, i) => x - mesh.center[i]));
+    return window.dfd.place(axis.bends.nodes.at(-1).map((x, i) => x - mesh.center[i]));
   });
   await page.mouse.move(at[0] - 2, at[1]);
   await page.mouse.move(...at);
@@ -100,7 +100,8 @@ test("a moment of the timeline is exported as the page shows it, half bent", { t
     assert.equal(download.suggestedFilename(), name);
     await copyFile(await download.path(), join(folder, name.replace("edited", "moment")));
   }
-  for (const notice of await page.getByRole("button", { name: "Dismiss" }).all()) await notice.click();
+  await page.getByText("quadruped_edited.glb is saved in your downloads.").waitFor();
+  await page.evaluate(() => window.dfd.store.set({ toasts: [] }));
   await writeFile(join(folder, "moment.json"), JSON.stringify(seen));
   assert.ok(Math.hypot(...bend) > 2);
   assert.equal((await handle()).moved, false, "the timeline must not change the edit");

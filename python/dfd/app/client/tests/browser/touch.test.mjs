@@ -42,6 +42,15 @@ test("a tap adds a handle", { timeout: PATIENCE }, async () => {
   await page.touchscreen.tap(...at);
   await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
   assert.equal(await state(page, (s) => s.edit.handles[0].vertex), vertex);
+  await until(page, (s) => s.ladders.has(s.edit.handles[0].origin));
+  const { text } = await state(page, (s) => {
+    const { origin, level } = s.edit.handles[0];
+    return s.ladders.get(origin).steps.find((step) => step.level === level);
+  });
+  assert.ok(
+    (await page.locator(".status .hint").textContent()).includes(text),
+    "the page does not say what a tap took",
+  );
   await shot(page, "touch");
 });
 
@@ -65,6 +74,17 @@ async function assertApart() {
   });
 }
 
+/** Check that all visible targets have at least 44 pixels. */
+async function assertLarge(selector) {
+  const small = await page.locator(selector).evaluateAll((all) =>
+    all
+      .map((each) => [each.getAttribute("aria-label") ?? each.textContent, each.getBoundingClientRect()])
+      .filter(([, { width, height }]) => height > 0 && (height < 44 || width < 44))
+      .map(([name, { width, height }]) => `${name}: ${width} × ${height}`),
+  );
+  assert.deepEqual(small, []);
+}
+
 test("the menu has all actions, and the inspector is a sheet below the shape", { timeout: PATIENCE }, async () => {
   await assertApart();
   assert.equal(await page.locator(".toolbar").count(), 0);
@@ -73,6 +93,11 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   await page.getByRole("menuitem").first().waitFor();
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
     assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
+  const list = await page.locator(".menu-list").boundingBox();
+  assert.deepEqual([list.x, list.width, Math.round(list.y + list.height)], [0, 390, 844], "the menu is no sheet");
+  const titles = await page.locator(".menu-title:visible").allTextContents();
+  for (const title of ["File", "What a tap does", "Export", "View"]) assert.ok(titles.includes(title), title);
+  await assertLarge('[role="menuitem"], .topbar button');
   await shot(page, "phone_menu");
   await page.getByRole("menuitem", { name: "Keys" }).tap();
   await page.getByRole("dialog", { name: "Keys" }).waitFor();
@@ -87,7 +112,8 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   assert.deepEqual([sheet.x, sheet.width], [0, 390]);
   assert.ok(sheet.y >= view.y + view.height && sheet.y + sheet.height <= 844);
   assert.ok(view.height > 300, `the shape has ${view.height} pixels`);
-  await page.getByRole("button", { name: "Smaller" }).waitFor();
+  await page.getByRole("group", { name: "Size of the part" }).waitFor();
+  await assertLarge(".inspector button:not(.ladder button), .ladder, .inspector select");
   await shot(page, "phone_sheet");
   await page.getByRole("button", { name: "Menu" }).tap();
   await page.getByRole("menuitem", { name: "Timeline" }).tap();

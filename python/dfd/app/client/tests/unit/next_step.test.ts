@@ -5,7 +5,14 @@ import type { HandleState, LadderMessage, StateMessage } from "../../src/protoco
 import { stepAt, store, type State } from "../../src/store/state";
 
 const handle = { handle: 1, vertex: 7, origin: 7, region: 0, reach_by: "part", level: 0, moved: false } as HandleState;
-const steps = [-1, 0, 2].map((level) => ({ level, text: `part ${level}`, found: true, leaves: false }));
+const steps = [-1, 0, 2].map((level) => ({
+  level,
+  text: `part ${level}`,
+  share: 0.1,
+  alike: 1,
+  found: true,
+  leaves: false,
+}));
 const ladder: LadderMessage = { id: 1, type: "ladder", vertex: 7, steps };
 const edit = { field: { status: "ready", parts: ["larger"] }, handles: [] as unknown } as StateMessage;
 const stopped = { ...edit, field: { ...edit.field, status: "none" } } as StateMessage;
@@ -38,8 +45,10 @@ describe("nextStep", () => {
 
   it("names no keys on a touch screen", () => {
     expect(nextStep(rests, true)).toMatch(/^Tap a part/);
-    expect(nextStep(held, true)).toBe("Drag an arrow · inspector: smaller or larger");
-    expect(nextStep(moved, true)).toBe("Drag an arrow · tap another part · menu: fix points · menu: timeline");
+    expect(nextStep(held, true)).toBe("2 of 3: part 0 · Drag an arrow · inspector: smaller or larger");
+    expect(nextStep(moved, true)).toBe(
+      "2 of 3: part 0 · Drag an arrow · tap another part · menu: fix points · menu: timeline",
+    );
   });
 });
 

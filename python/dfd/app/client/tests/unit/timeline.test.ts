@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { momentAt } from "../../src/actions/timeline";
+import { eased, momentAt } from "../../src/actions/timeline";
 import type { KeyPose } from "../../src/protocol/messages";
 import { REST } from "../../src/posing/affine";
 
@@ -26,5 +26,20 @@ describe("momentAt", () => {
     const mixed = [pose(0, 2, 1), pose(1, 2, 2)];
     expect(momentAt(mixed, 0.5).get(1)?.translation).toEqual([0, 1, 0]);
     expect(momentAt(mixed, 1).get(1)).toEqual(REST);
+  });
+});
+
+describe("eased", () => {
+  it("is linear between poses that do not ease, and a smoothstep between poses that do", () => {
+    for (const t of [0, 0.25, 0.5, 0.8, 1]) {
+      expect(eased(t, false, false)).toBeCloseTo(t, 12);
+      expect(eased(t, true, true)).toBeCloseTo(t * t * (3 - 2 * t), 12);
+    }
+  });
+
+  it("is slow beside the pose that eases", () => {
+    expect(eased(0.01, true, false)).toBeLessThan(0.001);
+    expect(1 - eased(0.99, true, false)).toBeCloseTo(0.01, 3);
+    expect(1 - eased(0.99, false, true)).toBeLessThan(0.001);
   });
 });

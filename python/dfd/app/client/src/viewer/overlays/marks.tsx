@@ -10,27 +10,47 @@ import { followed, LEAST_SEEN } from "../../posing/held";
 import { handleColor, handleName, otherPlaces, placeName, present, stepText, type State } from "../../store/state";
 import { columnsOf } from "../scene";
 import type { Shape } from "../shape";
+import type { Gizmo } from "./gizmo";
 
 type Project = (point: Vec3) => readonly [number, number] | null;
 
 interface Mark {
   readonly key: string;
-  readonly kind: "handle" | "handle selected" | "fixed" | "counterpart" | "counterpart off" | "suggestion" | "hover";
+  readonly kind:
+    | "handle"
+    | "handle selected"
+    | "fixed"
+    | "counterpart"
+    | "counterpart off"
+    | "suggestion"
+    | "hover"
+    | "ring"
+    | "ring hot";
   readonly at: Vec3;
   readonly label: string;
   /** Words that are shown beside the mark. */
   readonly said?: string;
   /** The color of the handle. */
   readonly color?: string;
+  /** The diameter in pixels, unless it is that of the kind. */
+  readonly size?: number;
   readonly press?: () => unknown;
+}
+
+/** Return the mark of the ring that scales evenly. */
+export function ringMarks({ ring }: Gizmo): Mark[] {
+  if (!ring) return [];
+  const kind = ring.hot ? "ring hot" : "ring";
+  return [{ key: "ring", kind, at: ring.at, label: "Scale evenly", size: 2 * ring.radius }];
 }
 
 /** Draw marks at the pixels that `project` returns. */
 export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
-  const drawn = marks.map(({ key, kind, at, label, said, color, press }) => {
+  const drawn = marks.map(({ key, kind, at, label, said, color, size, press }) => {
     const [x, y] = project(at) ?? [null, null];
     const style = {
       "--own": color,
+      ...(size && { "--size": `${size}px` }),
       ...(x === null ? { visibility: "hidden" } : { transform: `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)` }),
     };
     const words = said && <span class="said">{said}</span>;

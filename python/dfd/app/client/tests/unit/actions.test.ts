@@ -1,0 +1,15 @@
+import { describe, expect, it, vi } from "vitest";
+
+vi.stubGlobal("matchMedia", () => ({ matches: false }));
+const { ACTIONS, LIST } = await import("../../src/actions/actions");
+
+describe("the actions", () => {
+  it("have keys of their own", () => {
+    const keys = LIST.flatMap(({ keys, also }) => [keys, ...(also ? [also] : [])]);
+    expect(new Set(keys).size).toBe(keys.length);
+  });
+
+  it("redo by either of the usual keys", () => {
+    expect([ACTIONS.redo.keys, ACTIONS.redo.also]).toEqual(["Ctrl Shift Z", "Ctrl Y"]);
+  });
+});
