@@ -183,7 +183,7 @@ def test_surface_between_base_and_joint_does_not_move(one):
 
 def test_a_counterpart_bends_along_its_own_axis(pair):
     session, count = pair
-    session.add(count - 1, level=-1, bend=60, towards="up")
+    session.add(count - 1, bend=60, towards="up")
     left, right = session.vertices[:count], session.vertices[count : 2 * count]
     assert np.abs(left - session.mesh.vertices[:count]).max() > 0.3
     np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.025)
@@ -195,7 +195,7 @@ def test_a_counterpart_bends_along_its_own_axis(pair):
 def test_with_a_plane_of_symmetry_the_other_side_bends_mirrored(pair, counterparts):
     session, count = pair
     session.set_symmetry("x")
-    session.add(count - 1, level=-1, bend=60, towards="up", twist=40, counterparts=counterparts)
+    session.add(count - 1, bend=60, towards="up", twist=40, counterparts=counterparts)
     left, right = session.vertices[:count], session.vertices[count : 2 * count]
     np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
 

@@ -19,7 +19,7 @@ from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fi
 from dfd.editing.influence.fixed_points import kept_by_fixed_points
 from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.hold import Component, Holding, hold
-from dfd.editing.influence.plan import Column, Piece, Plan, allocated, same_and_nested, supports
+from dfd.editing.influence.plan import Column, Piece, Plan, allocated, supports
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
@@ -34,6 +34,7 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
 
+TAKEN_OVER = 0.95  # a new handle takes over the motion of a component if its own has at least this IoU with it
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
 # `equalize` raises the weights of a counterpart if, without the factor of locality, they are at least this fraction of
 # those at the handle.
@@ -203,6 +204,7 @@ class HandleWeights:
         """Return the motion that the handles of `edit` give to the component at a new handle.
 
         It is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
+        With the motion of a larger or smaller component, the shape would change at once.
         """
         moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
         if not moving or edit.rules.overlap != "add":
@@ -216,7 +218,8 @@ class HandleWeights:
         nodes = nodes_of(self.mesh)
         weights = self._fresh(columns, [self._resting(column) for column in columns]).T
         held = supports(weights[:, nodes.members[nodes.starts]])
-        same = same_and_nested(held, (nodes.ends - nodes.starts).astype(np.float64))[0][0, 1:]
+        sizes = (nodes.ends - nodes.starts).astype(np.float64)
+        same = (held[1:] & held[0]) @ sizes >= TAKEN_OVER * ((held[1:] | held[0]) @ sizes)
         if not same.any():
             return handle.transform
         found = before[int(np.where(same, weights[1:, self.rows.anchor(handle.place)], -1.0).argmax())]
