@@ -63,7 +63,6 @@ NAMED = [
 # is a text in the line, before or after the change.
 HARMLESS: dict[str, tuple[str, ...]] = {
     "weights/regions.py": ("MOST_CONSIDERED =",),
-    "segmentation/alike.py": ("(looks < 2)",),
     "segmentation/border.py": ("COST = ", "2 + COST"),
     "editing/blend.py": ("or 2.0",),
     "editing/deformer.py": ("merge, rebinds=True)", "(poses)), rebinds=True)"),

@@ -96,7 +96,7 @@ class Shape:
 
         Raises ValueError if two key poses have one time, or fixed points take all weight from a handle.
         """
-        self._weights.by_features.check_targets(edit)
+        self._weights.check_targets(edit)
         poses, posed = checked_poses("Shape.applied", edit.poses, edit), PosedShape(self.mesh, self._weights)
         weights = self._weights.weights(edit)
         return Applied(

@@ -219,10 +219,11 @@ class Deformer(History):
             stores its polar decomposition about the pivot.
         name
             The name for display.
-        reach, level, follow, falloff, locality, radius, strength, counterparts, excluded_counterparts, mask,
-        mask_feather
-            The controls, see `dfd.editing.controls.Controls`. Values that are left out or None are those of the preset.
-            With `mask="part"`, the mask is the part at the handle.
+        level, follow, counterparts, excluded_counterparts
+            The part at the handle, and who follows it, see `dfd.editing.controls.Controls`.
+        reach, falloff, locality, radius, strength, mask, mask_feather
+            The other controls. Values that are left out or None are those of the preset. With `mask="part"`, the mask
+            is the part at the handle.
         detach
             Whether the part comes loose from pieces of the mesh that it touches. By default, it stays attached.
 

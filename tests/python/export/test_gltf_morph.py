@@ -12,7 +12,7 @@ from dfd.posing.transforms import Transform
 def test_a_target_for_each_handle_adds_up_to_the_edit(session, tmp_path):
     session.add(40, translation=(0.1, 0.2, 0), rotation=(0, 60, 0), name="leg")
     session.add(500, scale=2, counterparts="shared_pivot")
-    session.add(900, counterparts="shared_pivot")  # rests
+    session.add(900, counterparts="shared_pivot", translation=(0, 0, 0))  # rests
     session.set_default(translation=(0, 0, 0.1))
     report = dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
     assert (report.targets, report.joints, report.form) == (3, 0, "morph")

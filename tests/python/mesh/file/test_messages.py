@@ -147,7 +147,6 @@ Table.__module__ = "pandas.core.frame"
     [
         (SPARSE, r"must be dense, got a sparse tensor: pass `.to_dense\(\)`"),
         (Matrix(), r"must be dense, got a sparse Matrix: pass `.toarray\(\)`"),
-        (torch.eye(3, dtype=torch.bfloat16), r"a type that NumPy has, got torch.bfloat16: pass `.float\(\)`"),
         (Table([[1, 2, 3]]), r"got a Table with a nullable type: pass `.to_numpy\(float\)`"),
         (Table([[1, None, 3]]), r"got a Table with missing values, .*: fill or remove them"),
         (Table([[1, "a", 3]]), r"got a Table with missing values, or columns that are not numbers"),
