@@ -186,36 +186,16 @@ test("after a gesture, proposals are taken by one click or key", { timeout: 2 * 
   await until(page, `(s) => Object.entries(${JSON.stringify(first)}).every(([k, v]) => s.edit.handles[0][k] === v)`);
 });
 
-test("who follows can be chosen if the server has this control", { timeout: PATIENCE }, async () => {
-  assert.equal(await page.getByRole("group", { name: "Who follows" }).count(), 0);
-  await page.getByRole("switch", { name: "Move counterparts too" }).waitFor();
-  const sent = page.evaluate(
-    () =>
-      new Promise((resolve) => {
-        const { send } = window.WebSocket.prototype;
-        window.WebSocket.prototype.send = function (text) {
-          if (!text.includes('"follow"')) return send.call(this, text);
-          window.WebSocket.prototype.send = send;
-          resolve(JSON.parse(text));
-        };
-      }),
-  );
-  await page.evaluate(() => {
-    const { session } = window.dfd.store.get();
-    const entry = { name: "follow", label: "Follow", hint: "", kind: "choice", slider: null };
-    const controls = [...session.controls, { ...entry, choices: ["all", "mirror", "none"] }];
-    window.dfd.store.set({ session: { ...session, controls } });
-  });
+test("who follows is chosen by one click, and the handle moves fewer counterparts", { timeout: PATIENCE }, async () => {
   const group = page.getByRole("group", { name: "Who follows" });
   assert.deepEqual(await group.getByRole("button").allTextContents(), ["All alike", "Mirrored", "Only this"]);
-  assert.equal(await page.getByRole("switch", { name: "Move counterparts too" }).count(), 0);
-  await group.getByRole("button", { name: "Only this" }).click();
-  assert.deepEqual((await sent).controls, { follow: "none" });
-  await page.evaluate(() => {
-    const { session } = window.dfd.store.get();
-    const controls = session.controls.filter(({ name }) => name !== "follow");
-    window.dfd.store.set({ session: { ...session, controls }, busy: false });
-  });
+  for (const [label, follow] of [
+    ["Only this", "none"],
+    ["All alike", "all"],
+  ]) {
+    await group.getByRole("button", { name: label }).click();
+    await until(page, (s, chosen) => s.edit.handles[0].follow === chosen, follow);
+  }
 });
 
 test("key poses: chosen, replaced, dragged to another moment, eased", { timeout: 2 * PATIENCE }, async () => {
