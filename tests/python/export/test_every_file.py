@@ -59,7 +59,10 @@ def test_every_export_shows_the_edit(path: Path, tmp_path: Path, make_session) -
         dfd.export_rig(session, tmp_path / name, form=form, influences=influences)  # type: ignore[arg-type]
         found = load_if_readable(tmp_path / name)
         assert found.faces.shape == mesh.faces.shape, name
-        assert np.abs(found.vertices[found.faces] - wanted).max() <= 1e-5 * np.abs(wanted).max(), name
+        shown = found.vertices[found.faces]
+        if form == "baked" and path.suffix.lower() == Path(name).suffix:
+            shown = found.vertices[mesh.faces]  # a bent polygon of the file may be divided along another diagonal
+        assert np.abs(shown - wanted).max() <= 1e-5 * np.abs(wanted).max(), name
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
