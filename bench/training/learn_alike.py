@@ -5,8 +5,8 @@ with equal names but for side and number have parts of one kind. A lesson draws 
 candidate there that is nearest to the part. The other regions of the shape are examples: those that are nearly a part
 of the same kind, and those that are none. The weights minimize the cross-entropy.
 
-`python -m bench.training.learn_alike RIGS` writes the file that dfd loads. Before, it prints how well the weights rank
-the examples of each family of shapes if they are learned from all other families.
+`python -m bench.training.learn_alike RIGS` writes the file that dfd loads. Before, it learns without each family in
+turn, and prints how well the weights rank the examples of this family.
 """
 
 import argparse

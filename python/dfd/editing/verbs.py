@@ -110,18 +110,6 @@ def part_at(weights: HandleWeights, at: Any, level: int = 0, *, follow: Follow =
     return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, follow=follow).mask)
 
 
-def next_level(weights: HandleWeights, vertex: int, level: int, step: int) -> int:
-    """Return the level of the next smaller part (`step` −1) or larger part (`step` 1) at a vertex.
-
-    Levels beyond the smallest or the largest part stand for that part. Raises ValueError if there is no such part.
-    """
-    lowest, highest = weights.parts.levels(vertex)
-    found = min(max(level, lowest), highest) + step
-    if not lowest <= found <= highest:
-        raise ValueError(f"There is no {'smaller' if step < 0 else 'larger'} part here")
-    return found
-
-
 def place_of(weights: HandleWeights, at: Any, level: int = 0) -> Place:
     """Return the place for a vertex, a point, a region or a text. A text may name a part, such as "part@812".
 

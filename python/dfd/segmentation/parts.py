@@ -110,8 +110,9 @@ class Parts:
             return []
         patches = self._patches
         found, rungs, middle = self._ladder(int(patches.of_vertex[self._vertex(at)]))
+        level = min(max(level, -middle), len(rungs) - 1 - middle)
         held = np.any(self._set(found, rungs, middle, level, "all"), axis=0)
-        region = found.regions[rungs[min(max(middle + level, 0), len(rungs) - 1)]]
+        region = found.regions[rungs[middle + level]]
         possible = self._alike.followers(region, within=~held | region, least=POSSIBLE)
         return [int(np.flatnonzero(each.region[patches.of_vertex])[0]) for each in possible]
 

@@ -129,6 +129,19 @@ def test_a_part_is_held_resized_combined_and_what_a_handle_is_limited_to(page: P
     page.ask("remove", handle=point)
 
 
+def test_levels_end_with_the_smallest_and_the_largest_step(deformer: Deformer) -> None:
+    parts = ShapeParts(deformer)
+    levels = [step.level for step in parts.ladder(100)]
+    lowest, highest = levels[0], levels[-1]
+    assert lowest < highest
+    assert parts.next_level(100, levels[-2], 1) == highest
+    assert parts.next_level(100, highest + 9, -1) == levels[-2], "levels beyond the end stand for it"
+    with pytest.raises(ValueError, match="no larger part"):
+        parts.next_level(100, highest, 1)
+    with pytest.raises(ValueError, match="no smaller part"):
+        parts.next_level(100, lowest - 3, -1)
+
+
 def test_steps_have_the_names_of_scene_parts(tmp_path: Path) -> None:
     """The file has three scene parts: two spheres, a bar and a cone."""
     moved = trimesh.transformations.translation_matrix

@@ -11,7 +11,6 @@ from dfd.editing.influence import handle_weights
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
-from dfd.editing.verbs import next_level
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):
@@ -41,18 +40,6 @@ def test_a_handle_moves_the_part_of_its_level(mesh, field):
     assert from_document(written, session.mesh).handles[0].controls.level == -1
     with pytest.raises(ValueError, match="Deformer.change: `level` must be a whole number, got 'large'"):
         session.change(held, level="large")
-
-
-def test_levels_end_with_the_smallest_and_the_largest_part(mesh, field):
-    bound = dfd.Deformer(mesh, field).bound
-    lowest, highest = bound.parts.levels(100)
-    assert lowest < highest
-    assert next_level(bound, 100, highest - 1, 1) == highest
-    assert next_level(bound, 100, highest + 9, -1) == highest - 1, "levels beyond the end stand for it"
-    with pytest.raises(ValueError, match="no larger part"):
-        next_level(bound, 100, highest, 1)
-    with pytest.raises(ValueError, match="no smaller part"):
-        next_level(bound, 100, lowest - 3, -1)
 
 
 def component_of(mesh: dfd.Mesh, vertex: int) -> np.ndarray:

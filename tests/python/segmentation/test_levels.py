@@ -79,4 +79,5 @@ def test_what_is_left_out_may_be_alike_but_does_not_belong_to_the_part():
         left = parts.left_out(vertex)
         found += len(left)
         assert not parts.part(vertex).mask[left].any()
+        assert parts.left_out(vertex, 99) == parts.left_out(vertex, parts.levels(vertex)[1])
     assert found > 0
