@@ -227,6 +227,8 @@ def test_a_drag_gives_what_a_pose_gives(dtype, blend, overlap, band):
         np.testing.assert_array_equal(out, posed)
     for array, kept in zip((vertices, weights, transforms), before, strict=True):
         np.testing.assert_array_equal(array, kept)
+        array[:] = 7
+    np.testing.assert_array_equal(drag.pose(moved[[3, 1]]), posed, "a drag must keep copies")
 
 
 VERTICES, WEIGHTS, TRANSFORMS = turning_scene(6, 3)

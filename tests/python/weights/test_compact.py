@@ -86,6 +86,15 @@ def test_rows_give_back_what_is_stored(compact):
     np.testing.assert_array_equal(offsets, 0)
 
 
+def test_the_offset_of_an_unlike_handle_is_what_entries_cannot_express(compact):
+    rows = np.random.default_rng(7).normal(size=(5, 96)).astype(np.float32)
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    stored, offsets = compact.project(rows)
+    missed = np.square(rows - compact.mean - compact.step * stored @ compact.basis.T).sum(axis=1)
+    assert (missed > 4 * compact.radius).all()
+    np.testing.assert_allclose(offsets, missed - compact.radius**2, rtol=1e-4)
+
+
 def test_principal_coordinates_are_those_of_the_full_features(compact):
     centered = FEATURES.astype(np.float64) - FEATURES.mean(axis=0)
     directions = np.linalg.eigh(centered.T @ centered)[1][:, ::-1][:, :3]

@@ -89,6 +89,23 @@ def test_binary_stl_keeps_its_header_and_marks(tmp_path: Path) -> None:
     assert np.array_equal(load(tmp_path / "moved.stl").vertices, moved)
 
 
+def test_normals_of_turned_sides_stay_on_their_side(tmp_path: Path) -> None:
+    turned = np.vstack([CUBE[:6], CUBE[6:, ::-1]])  # the last sides have normals that point inwards
+    corners, normals = CORNERS[turned], np.cross(*np.diff(CORNERS[CUBE], axis=1).transpose(1, 0, 2))
+    text = "".join(
+        f"facet normal {n[0]:g} {n[1]:g} {n[2]:g}\nouter loop\n"
+        + "".join(f"vertex {x:g} {y:g} {z:g}\n" for x, y, z in face)
+        + "endloop\nendfacet\n"
+        for n, face in zip(normals, corners, strict=True)
+    )
+    (tmp_path / "cube.stl").write_text(f"solid cube\n{text}endsolid cube\n")
+    mesh = load(tmp_path / "cube.stl")
+    mesh.save(tmp_path / "moved.stl", mesh.vertices[:, [1, 2, 0]])
+    lines = (tmp_path / "moved.stl").read_text().splitlines()
+    found = np.array([line.split()[2:] for line in lines if "normal" in line])
+    np.testing.assert_allclose(found.astype(float), normals[:, [1, 2, 0]] / np.linalg.norm(normals, axis=1)[:, None])
+
+
 def test_text_stl_and_off_keep_their_text(tmp_path: Path) -> None:
     facets = [
         "facet normal 0 0 1\n outer loop\n"

@@ -97,6 +97,14 @@ def test_morph_targets_count_with_their_default_weights(tmp_path: Path) -> None:
     np.testing.assert_allclose(in_three(path)[0], loaded.vertices, atol=1e-6)
 
 
+def test_a_node_scales_before_it_rotates(tmp_path: Path) -> None:
+    gltf = Gltf()
+    half = float(np.sqrt(0.5))
+    gltf.node(name="body", mesh=gltf.mesh("body", CORNERS, CUBE), rotation=[0, 0, half, half], scale=[1, 2, 3])
+    mesh = load(write(tmp_path / "turned.glb", gltf.glb()))
+    np.testing.assert_allclose(mesh.vertices, CORNERS[:, [1, 0, 2]] * [-2, 1, 3], atol=1e-6)
+
+
 @pytest.mark.parametrize("ending", ["glb", "gltf", "obj", "ply", "stl", "off"])
 def test_a_mirrored_node_is_right_side_out(ending: str, tmp_path: Path) -> None:
     gltf = Gltf()

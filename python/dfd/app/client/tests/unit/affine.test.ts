@@ -89,6 +89,9 @@ describe("typedMotion", () => {
     close(typedMotion(REST, "translate", along(1), 0.2).translation, [0, 0.2, 0]);
     close(typedMotion(REST, "translate", along(null), 0.2).translation, [0.2, 0, 0]);
     close(typedMotion(turned, "rotate", along(2), -30).rotation, [0, 0, 60]);
+    // The typed rotation follows the rotation of the handle: x points to y, and then y to z.
+    const both = typedMotion(turned, "rotate", along(0), 90);
+    close(apply(matrixOf({ ...both, scale: [1, 1, 1] }, [0, 0, 0]), [1, 0, 0]), [0, 0, 1]);
     close(typedMotion({ ...REST, bend: [0, 0, 5] }, "bend", along(0), 40).bend, [40, 0, 5]);
     close(typedMotion(turned, "scale", along(null), 3).scale, [3, 6, 3]);
     close(typedMotion(turned, "scale", along(1), 3).scale, [1, 6, 1]);

@@ -42,6 +42,7 @@ describe("posePoint", () => {
     expect(posePoint(down, point, 0)[1]).toBeCloseTo(2, 4);
     expect(posePoint(down, point, 1)[1]).toBeCloseTo(1.75, 4);
     expect(posePoint(down, point, 2)[1]).toBeCloseTo(1, 4);
+    expect(posePoint({ ...down, columns: [column({}), column({})] }, point, 1)[1]).toBeCloseTo(2, 4);
   });
 
   it("mirrors on the other side of the plane (Eq. 8), smoothly within the band", () => {
