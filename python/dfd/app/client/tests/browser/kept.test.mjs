@@ -9,7 +9,19 @@ import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, before, test } from "node:test";
 
-import { drag, hold, launch, openTab, PATIENCE, ready, shapeSentAgain, shot, state, until } from "./page.mjs";
+import {
+  drag,
+  eventually,
+  hold,
+  launch,
+  openTab,
+  PATIENCE,
+  ready,
+  shapeSentAgain,
+  shot,
+  state,
+  until,
+} from "./page.mjs";
 
 const ALIKE = JSON.parse(process.env.DFD_ALIKE);
 let browser, server, url, port;
@@ -63,7 +75,7 @@ async function edited() {
 test("the edit is there when the same address is opened again", { timeout: 3 * PATIENCE }, async () => {
   const first = await edited();
   assert.ok(Math.hypot(...first.moved[0]) > 0);
-  assert.match(await first.page.locator(".status .link").textContent(), /Saved/);
+  await first.page.locator(".status .link", { hasText: "Saved" }).waitFor();
   await first.context.close();
   const second = await openTab(browser, {}, url);
   await until(second.page, (s) => s.edit?.handles.length === 1);
@@ -114,7 +126,7 @@ test("the edit is there when the same address is opened again", { timeout: 3 * P
   await second.page.getByRole("button", { name: "File" }).click();
   await shot(second.page, "file_menu");
   const earlier = second.page.getByRole("menuitem", { name: "1 handle" });
-  assert.equal(await earlier.count(), 1);
+  await eventually(async () => assert.equal(await earlier.count(), 1));
   await earlier.click();
   await until(second.page, (s) => s.edit?.handles.length === 1);
   assert.deepEqual(await translations(second.page), first.moved);

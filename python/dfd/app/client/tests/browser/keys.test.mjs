@@ -2,7 +2,19 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { drag, hold, launch, openShape, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
+import {
+  drag,
+  eventually,
+  hold,
+  launch,
+  openShape,
+  openTab,
+  PATIENCE,
+  shot,
+  state,
+  until,
+  visibleVertex,
+} from "./page.mjs";
 
 let browser, page, problems;
 
@@ -15,34 +27,34 @@ before(async () => {
 
 after(() => browser?.close());
 
-const hint = () => page.locator(".status .hint").textContent();
+/** Wait until the line that says what to do next matches. */
+const hints = (words) => eventually(async () => assert.match(await page.locator(".status .hint").textContent(), words));
 const handle = () => state(page, (s) => s.edit.handles[0]);
 const heat = () => page.evaluate(() => window.dfd.positions().filter((_, i) => i % 4 === 3));
 
 test("the wheel and keys step through the parts before a click", { timeout: PATIENCE }, async () => {
-  assert.match(await hint(), /^Click a part/);
+  await hints(/^Click a part/);
   const { vertex, at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
   await page.mouse.move(at[0] + 1, at[1]);
   await page.mouse.move(...at);
-  const known = () => until(page, (s) => s.probe !== null && s.ladders.get(s.probe.vertex));
+  const known = () => until(page, (s) => s.probe?.exact && s.ladders.get(s.probe.vertex));
   const { steps } = await known();
   assert.ok(steps.length > 1);
   const usual = steps.findIndex(({ level }) => level === 0);
   const said = page.locator(".mark.hover .said");
   const at0 = `${usual + 1} of ${steps.length}: ${steps[usual].text}`;
-  assert.equal(await said.textContent(), at0);
-  assert.match(await hint(), new RegExp(`^${at0}.*click to hold it`));
+  await eventually(async () => assert.equal(await said.textContent(), at0));
+  await hints(new RegExp(`^${at0}.*click to hold it`));
   const warm = async () => (await heat()).filter((each) => each > 0.5).length;
   const before = await warm();
   const camera = await page.evaluate(() => window.dfd.camera());
   const up = usual + 1 < steps.length;
   const to = up ? usual + 1 : usual - 1;
   await page.mouse.wheel(0, up ? -100 : 100);
-  await until(page, (s, level) => s.probe?.level === level, steps[to].level);
-  await until(page, () => window.dfd.rests());
+  await until(page, (s, level) => s.probe?.level === level && s.probe.exact, steps[to].level);
   assert.deepEqual(await page.evaluate(() => window.dfd.camera()), camera, "the wheel must not zoom here");
-  assert.ok(up === (await warm()) > before, "the shown weights do not follow the step");
-  assert.match(await said.textContent(), new RegExp(`^${to + 1} of ${steps.length}: `));
+  await eventually(async () => assert.ok(up === (await warm()) > before, "the shown weights do not follow the step"));
+  await eventually(async () => assert.match(await said.textContent(), new RegExp(`^${to + 1} of ${steps.length}: `)));
   await shot(page, "hover_step");
   await page.keyboard.press(up ? "[" : "]");
   await until(page, (s) => s.probe?.level === 0);
@@ -51,7 +63,7 @@ test("the wheel and keys step through the parts before a click", { timeout: PATI
   await page.mouse.click(...at);
   await until(page, (s) => s.edit.handles.length === 1);
   assert.deepEqual([(await handle()).vertex, (await handle()).level], [vertex, steps[to].level]);
-  assert.match(await hint(), /^Drag an arrow · \[ \] smaller or larger/);
+  await hints(/^Drag an arrow · \[ \] smaller or larger/);
 });
 
 test(
@@ -70,9 +82,12 @@ test(
     await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
     await page.mouse.move(4, 300);
     await until(page, (s) => s.probe === null && window.dfd.rests());
-    const held = await heat();
-    const off = Math.max(...shown.map((each, i) => Math.abs(each - held[i])));
-    assert.ok(off < 0.001, `a weight differs by ${off}`);
+    const held = await eventually(async () => {
+      const now = await heat();
+      const off = Math.max(...Object.values(shown).map((each, i) => Math.abs(each - now[i])));
+      assert.ok(off < 0.001, `a weight differs by ${off}`);
+      return Object.values(now);
+    });
     const between = held.filter((each) => each > 0.1 && each < 0.9).length;
     assert.ok(between > 0, "the weights end as a sharp edge, unlike those of a drag");
   },
@@ -85,13 +100,13 @@ test("the wheel beside the shape zooms, and so does Ctrl with the wheel", { time
     [(await visibleVertex(page)).at, "Control"],
   ]) {
     const before = await camera();
+    await page.mouse.move(place[0] + 1, place[1]);
     await page.mouse.move(...place);
-    await page.waitForTimeout(500);
     if (key) await page.keyboard.down(key);
+    else await until(page, (s) => s.probe === null);
     await page.mouse.wheel(0, 100);
+    await eventually(async () => assert.notDeepEqual(await camera(), before));
     if (key) await page.keyboard.up(key);
-    await page.waitForTimeout(500);
-    assert.notDeepEqual(await camera(), before);
   }
 });
 
@@ -199,16 +214,18 @@ test("brush actions are beside the selection, at any size of the window", { time
     await page.setViewportSize(size);
     await page.evaluate(() => window.dfd.store.set({ inspector: false }));
     await page.keyboard.press("b");
-    await page.waitForTimeout(500);
-    await until(page, () => window.dfd.rests());
+    await page.waitForFunction((width) => window.innerWidth === width, size.width);
     const { at } = await visibleVertex(page);
     await page.mouse.move(...at);
     await page.mouse.down();
     await page.mouse.up();
     await until(page, (s) => s.painted !== null);
-    const box = await page.getByRole("button", { name: "Add handle", exact: true }).boundingBox();
-    assert.ok(box.x >= 0 && box.y > 0 && box.x + box.width <= size.width && box.y + box.height < size.height);
-    assert.ok(Math.hypot(box.x - at[0], box.y - at[1]) < 320, `the actions are at ${box.x}, ${box.y}, far from ${at}`);
+    await eventually(async () => {
+      const box = await page.getByRole("button", { name: "Add handle", exact: true }).boundingBox();
+      const apart = Math.hypot(box.x - at[0], box.y - at[1]);
+      assert.ok(box.x >= 0 && box.y > 0 && box.x + box.width <= size.width && box.y + box.height < size.height);
+      assert.ok(apart < 320, `the actions are at ${box.x}, ${box.y}, far from ${at}`);
+    });
     await shot(page, `beside-${size.width}`);
     await page.keyboard.press("Escape");
   }

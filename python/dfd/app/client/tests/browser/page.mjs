@@ -24,7 +24,7 @@ export function launch() {
   return chromium.launch({ executablePath: process.env.DFD_CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
 }
 
-/** Open a tab. The array `problems` receives all errors in the tab. */
+/** Open a tab. The arrays `problems` and `sent` receive all errors in the tab, and the types of its requests. */
 export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
   const page = await context.newPage();
@@ -34,7 +34,8 @@ export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
     () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
   );
   page.setDefaultTimeout(PATIENCE);
-  const problems = [];
+  const [problems, sent] = [[], []];
+  page.on("websocket", (socket) => socket.on("framesent", ({ payload }) => sent.push(JSON.parse(payload).type)));
   page.on("pageerror", (error) => problems.push(error.message));
   page.on("console", (message) => {
     if (message.type() === "error") problems.push(message.text());
@@ -42,7 +43,7 @@ export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
   await page.goto(address);
   await page.goto(new URL("/?test", address).href);
   await until(page, (s) => s.page !== "waiting");
-  return { context, page, problems };
+  return { context, page, problems, sent };
 }
 
 /** Replace `window.dfd`, the page's objects for tests, by the functions that the tests call. Runs in the page. */
@@ -151,6 +152,42 @@ export async function until(page, read, argument = null) {
   }
 }
 
+/**
+ * Call `check`, which fails or passes, until it passes. Use it for everything that follows from the state: the layout,
+ * the pixels and the words of the page change some frames after the state, and weights arrive later still.
+ */
+export async function eventually(check) {
+  const end = Date.now() + PATIENCE / 2;
+  for (;;) {
+    try {
+      return await check();
+    } catch (error) {
+      if (Date.now() > end) throw error;
+    }
+    await new Promise((resolve) => setTimeout(resolve, 40));
+  }
+}
+
+/** Wait until the canvas has kept its place and size for some frames, and shows the present state. */
+export function still(page) {
+  return page.evaluate(
+    () =>
+      new Promise((resolve) => {
+        const canvas = document.querySelector("canvas");
+        let [before, frames] = ["", 0];
+        const look = () => {
+          const { x, y, width, height } = canvas.getBoundingClientRect();
+          const now = [x, y, width, height, canvas.width, canvas.height].join();
+          frames = now === before && window.dfd.rests() ? frames + 1 : 0;
+          before = now;
+          if (frames < 4) requestAnimationFrame(look);
+          else resolve();
+        };
+        look();
+      }),
+  );
+}
+
 /** Open files from the start page. */
 export async function open(page, files) {
   const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.click(".drop")]);
@@ -189,6 +226,7 @@ export async function learn(page) {
 
 /** Return a visible vertex, of the vertices `among` if given, and its pixel in the page. */
 export async function visibleVertex(page, among = null) {
+  await still(page);
   const found = await page.evaluate((wanted) => {
     const element = document.querySelector("canvas");
     const canvas = element.getBoundingClientRect();
@@ -226,6 +264,7 @@ export async function hold(page, among, count) {
 
 /** Drag an arrow of the gizmo by `distance` pixels. The arrow is (x, y) pixels from the selected handle. */
 export async function drag(page, [x, y], distance, during = async () => {}) {
+  await still(page);
   const center = await page.evaluate(() => {
     const { selected, edit } = window.dfd.store.get();
     return window.dfd.project(edit.handles.find((handle) => handle.handle === selected).vertex);
@@ -244,6 +283,7 @@ export async function drag(page, [x, y], distance, during = async () => {}) {
 
 /** Press at a pixel, move the pointer by (x, y) pixels, and release it. */
 export async function pull(page, from, [x, y], during = async () => {}) {
+  await still(page);
   await page.mouse.move(from[0] + 2, from[1]);
   await page.mouse.move(...from);
   await page.waitForTimeout(80);
@@ -292,13 +332,13 @@ export function drawn(page) {
 
 /**
  * Return the largest distance between the shader's and the kernel's positions, divided by the shape's diagonal. New
- * weights arrive some time after a change, so the function waits up to five seconds until the distance is small.
+ * weights arrive some time after a change, so the function waits up to 20 seconds until the distance is small.
  */
 export function shaderError(page) {
   return page.evaluate(async () => {
     const { diagonal } = window.dfd.store.get().mesh;
     const vertices = window.dfd.vertices();
-    for (const patience = performance.now() + 5000; ; await new Promise((next) => setTimeout(next, 50))) {
+    for (const patience = performance.now() + 20_000; ; await new Promise((next) => setTimeout(next, 50))) {
       const kernel = await window.dfd.computed();
       const shader = window.dfd.positions();
       let worst = 0;

@@ -1,7 +1,7 @@
 // The part that a handle holds: hold it, resize it, add or remove parts, and limit the motion to it.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { hold, launch, openShape, openTab, shot, state, until, visibleVertex } from "./page.mjs";
+import { eventually, hold, launch, openShape, openTab, shot, state, until, visibleVertex } from "./page.mjs";
 
 let browser, page, problems;
 before(async () => {
@@ -30,13 +30,12 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await page.keyboard.press("]");
     await until(page, (s) => s.edit.handles[0].level === 1);
     const steps = page.getByRole("group", { name: "Size of the part" }).getByRole("button");
-    const ladder = await state(page, (s) => s.ladders.get(s.edit.handles[0].origin).steps);
-    await steps.first().waitFor();
-    assert.equal(await steps.count(), ladder.length);
+    const ladder = await until(page, (s) => s.ladders.get(s.edit.handles[0].origin)?.steps);
+    await eventually(async () => assert.equal(await steps.count(), ladder.length));
     assert.equal(new Set(ladder.map(({ text }) => text)).size, ladder.length, "two steps have the same words");
     const usual = ladder.findIndex(({ level: each }) => each === 0);
     const words = `${usual + 1} of ${ladder.length}: ${ladder[usual].text}`;
-    assert.equal(await steps.nth(usual).getAttribute("aria-label"), words);
+    await eventually(async () => assert.equal(await steps.nth(usual).getAttribute("aria-label"), words));
     const smaller = steps.nth(usual);
     await smaller.hover();
     await until(page, (s) => s.probe !== null);
@@ -44,8 +43,10 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await shot(page, "part_preview");
     await smaller.click();
     await until(page, (s) => s.edit.handles[0].level === 0);
-    assert.equal(await smaller.getAttribute("aria-pressed"), "true");
-    assert.equal(await page.locator(".step").textContent(), words);
+    await eventually(async () => {
+      assert.equal(await smaller.getAttribute("aria-pressed"), "true");
+      assert.equal(await page.locator(".step").textContent(), words);
+    });
     assert.equal(await state(page, (s) => s.edit.handles.length), 1);
     await shot(page, "part");
   });
@@ -56,8 +57,10 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
       await page.keyboard.press("[");
     await end.waitFor();
     const first = page.getByRole("group", { name: "Size of the part" }).getByRole("button").first();
-    assert.equal(await first.getAttribute("aria-pressed"), "true");
-    assert.match(await page.locator(".step").textContent(), /^1 of /);
+    await eventually(async () => {
+      assert.equal(await first.getAttribute("aria-pressed"), "true");
+      assert.match(await page.locator(".step").textContent(), /^1 of /);
+    });
     assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "a toast is no note");
     await shot(page, "part_smallest");
   });
@@ -94,7 +97,6 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await until(page, (s) => s.edit.handles[0].translation[1] === 0.2);
     await page.getByLabel("Limit to part").locator("xpath=..").click();
     await until(page, (s) => s.edit.handles[0].mask_part);
-    await page.waitForTimeout(500);
     const moved = await page.evaluate(async () => {
       const [posed, rest] = [await window.dfd.computed(), window.dfd.rest()];
       const moved = [];

@@ -2,13 +2,13 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { drag, hold, launch, openTab, PATIENCE, ready, shot, state, until } from "./page.mjs";
+import { drag, eventually, hold, launch, openTab, PATIENCE, ready, shot, state, until } from "./page.mjs";
 
-let browser, page, problems;
+let browser, page, problems, sent;
 
 before(async () => {
   browser = await launch();
-  ({ page, problems } = await openTab(browser));
+  ({ page, problems, sent } = await openTab(browser));
 });
 
 after(() => browser?.close());
@@ -34,10 +34,11 @@ test("an edit of a sample is kept with a picture, and the sample begins anew", {
   await drag(page, [0, -50], -40);
   const { translation } = await state(page, (s) => s.edit.handles[0]);
   await until(page, (s) => s.saved);
-  await page.waitForTimeout(3000); // the picture is made after a rest
+  // The picture is made after a rest.
+  await eventually(() => assert.ok(sent.includes("keep_picture")));
   await close();
-  assert.equal(await recent().count(), 1);
-  assert.equal(await page.locator(".card.progress").count(), 0, "the work for the closed shape is still shown");
+  await eventually(async () => assert.equal(await recent().count(), 1));
+  await page.locator(".card.progress").waitFor({ state: "detached" });
   const drawn = await page.locator(".recent img").evaluate((image) => image.decode().then(() => image.naturalWidth));
   assert.equal(drawn, 240);
   await shot(page, "start_recent");
@@ -53,6 +54,7 @@ test("an edit of a sample is kept with a picture, and the sample begins anew", {
 
 test("kept edits are renamed, copied, deleted and restored", { timeout: 2 * PATIENCE }, async () => {
   await page.getByRole("button", { name: "Rename Chair" }).click();
+  await page.locator("input:focus").waitFor();
   await page.keyboard.type("Throne");
   await page.keyboard.press("Enter");
   await page.getByRole("button", { name: "Rename Throne" }).waitFor();
@@ -62,7 +64,7 @@ test("kept edits are renamed, copied, deleted and restored", { timeout: 2 * PATI
   await until(page, (s) => s.recent.length === 1);
   await page.getByRole("button", { name: "Undo" }).click();
   await until(page, (s) => s.recent.length === 2);
-  assert.equal(await recent().count(), 2);
+  await eventually(async () => assert.equal(await recent().count(), 2));
 });
 
 test("starting fresh keeps the edit and can be undone", { timeout: 2 * PATIENCE }, async () => {
@@ -75,7 +77,7 @@ test("starting fresh keeps the edit and can be undone", { timeout: 2 * PATIENCE 
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.handles.length === 1);
   await close();
-  assert.equal(await recent().count(), 3);
+  await eventually(async () => assert.equal(await recent().count(), 3));
 });
 
 test("the page reported no errors", () => {

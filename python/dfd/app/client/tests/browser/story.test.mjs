@@ -9,6 +9,7 @@ import {
   shapeSentAgain,
   drag,
   drawn,
+  eventually,
   hold,
   launch,
   openShape,
@@ -60,19 +61,17 @@ step("a pointer that rests on a point shows the weights of a handle there", asyn
   await page.mouse.move(at[0] + 1, at[1]);
   await page.mouse.move(...at);
   await until(page, (s) => s.probe !== null);
-  const warm = await page.evaluate(() =>
-    window.dfd
-      .positions()
-      .filter((_, i) => i % 4 === 3)
-      .reduce((a, b) => Math.max(a, b), 0),
-  );
-  assert.ok(warm > 0.95, `the weight at the point itself must be near 1, got ${warm}`);
+  await eventually(async () => {
+    const heat = await page.evaluate(() => window.dfd.positions().filter((_, i) => i % 4 === 3));
+    const warm = Object.values(heat).reduce((a, b) => Math.max(a, b), 0);
+    assert.ok(warm > 0.95, `the weight at the point itself must be near 1, got ${warm}`);
+  });
 });
 
 step("nothing can be undone before the first edit", async () => {
   await until(page, (s) => s.edit.planes.length > 0 || s.edit.field.parts.length > 0);
   assert.equal(await state(page, (s) => s.edit.can_undo), false);
-  assert.ok(await page.getByRole("button", { name: "Undo" }).isDisabled());
+  await page.locator('button[aria-label="Undo"]:disabled').waitFor();
 });
 
 step("a click adds a handle", async () => {
@@ -91,14 +90,15 @@ step("a single counterpart is switched off and on", async () => {
   await until(page, (s) => s.edit.handles[0].excluded_counterparts.length === 0 && s.similar.places[1].on);
 });
 
-/** Return the share of the surface, in per cent, that the status line tells during a drag. */
-const moves = async () => Number(/moves (\d+) %/.exec(await page.locator(".status .hint").textContent())[1]);
-
-/** Return the same share when the weights of the present motion have arrived, so that it changes no more. */
+/**
+ * Return the share of the surface, in per cent, that the status line tells during a drag, when the weights of the present
+ * motion have arrived, so that it changes no more.
+ */
 async function movesAtRest(page) {
   for (let before = null; ; await page.waitForTimeout(800)) {
-    const now = await moves();
-    if (now === before) return now;
+    await until(page, (s) => s.edit.handles[0].columns.every(({ column }) => s.columns.has(column)));
+    const now = /moves (\d+) %/.exec(await page.locator(".status .hint").textContent())?.[1];
+    if (now !== undefined && now === before) return Number(now);
     before = now;
   }
 }
@@ -177,11 +177,9 @@ step("translation, rotation and scale can be typed", async () => {
 step("with locality and symmetry, the shader's pose equals the kernel's", async () => {
   await page.getByLabel("Locality").fill("4");
   await until(page, (s) => s.edit.handles[0].locality === 4 && s.ahead.size === 0);
-  await page.waitForTimeout(500);
   assert.ok((await shaderError(page)) <= TOLERANCE);
   await page.getByRole("group", { name: "Mirror plane" }).getByRole("button", { name: "X", exact: true }).click();
   await until(page, (s) => s.edit.symmetry !== null);
-  await page.waitForTimeout(500);
   assert.ok((await shaderError(page)) <= TOLERANCE);
   await shot(page, "symmetry");
 });
@@ -196,7 +194,6 @@ step("a fixed point stays in place", async () => {
   const { vertex, at } = await visibleVertex(page, others);
   await page.mouse.click(...at);
   await until(page, (s) => s.edit.fixed.length === 1);
-  await page.waitForTimeout(500);
   assert.equal(await state(page, (s) => s.edit.fixed[0].vertex), vertex);
   assert.ok((await shaderError(page)) <= TOLERANCE);
   const moved = await page.evaluate(async (fixed) => {

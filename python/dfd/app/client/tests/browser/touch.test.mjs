@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { launch, openShape, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
+import { eventually, launch, openShape, openTab, PATIENCE, shot, state, still, until, visibleVertex } from "./page.mjs";
 
 let browser, page, problems, fingers;
 
@@ -32,8 +32,7 @@ const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 test("one finger orbits, and adds no handle", { timeout: PATIENCE }, async () => {
   const { vertex, at } = await visibleVertex(page);
   await swipe(at, [80, 20]);
-  await page.waitForTimeout(300);
-  assert.ok(apart(await project(vertex), at) > 10, "the shape did not turn");
+  await eventually(async () => assert.ok(apart(await project(vertex), at) > 10, "the shape did not turn"));
   assert.equal(await state(page, (s) => s.edit.handles.length), 0);
 });
 
@@ -47,15 +46,13 @@ test("a tap adds a handle", { timeout: PATIENCE }, async () => {
     const { origin, level } = s.edit.handles[0];
     return s.ladders.get(origin).steps.find((step) => step.level === level);
   });
-  assert.ok(
-    (await page.locator(".status .hint").textContent()).includes(text),
-    "the page does not say what a tap took",
-  );
+  await page.locator(".status .hint", { hasText: text }).waitFor(); // the page says what a tap took
   await shot(page, "touch");
 });
 
 test("a finger on the gizmo moves the handle, not the camera", { timeout: PATIENCE }, async () => {
   const held = await state(page, (s) => s.edit.handles[0].vertex);
+  await still(page);
   const [x, y] = await project(held);
   const camera = () => page.evaluate(() => window.dfd.camera());
   const before = await camera();
@@ -93,8 +90,10 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   await page.getByRole("menuitem").first().waitFor();
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
     assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
-  const list = await page.locator(".menu-list").boundingBox();
-  assert.deepEqual([list.x, list.width, Math.round(list.y + list.height)], [0, 390, 844], "the menu is no sheet");
+  await eventually(async () => {
+    const list = await page.locator(".menu-list").boundingBox();
+    assert.deepEqual([list.x, list.width, Math.round(list.y + list.height)], [0, 390, 844], "the menu is no sheet");
+  });
   const titles = await page.locator(".menu-title:visible").allTextContents();
   for (const title of ["File", "What a tap does", "Export", "View"]) assert.ok(titles.includes(title), title);
   await assertLarge('[role="menuitem"], .topbar button');
@@ -107,19 +106,23 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
   await page.getByRole("menuitem", { name: "Bend" }).tap();
   await until(page, (s) => s.gizmo === "bend");
   await page.getByRole("button", { name: "Inspector" }).tap();
-  const sheet = await page.locator(".inspector").boundingBox();
-  const view = await page.locator("canvas").boundingBox();
-  assert.deepEqual([sheet.x, sheet.width], [0, 390]);
-  assert.ok(sheet.y >= view.y + view.height && sheet.y + sheet.height <= 844);
-  assert.ok(view.height > 300, `the shape has ${view.height} pixels`);
+  await eventually(async () => {
+    const sheet = await page.locator(".inspector").boundingBox();
+    const view = await page.locator("canvas").boundingBox();
+    assert.deepEqual([sheet.x, sheet.width], [0, 390]);
+    assert.ok(sheet.y >= view.y + view.height && sheet.y + sheet.height <= 844);
+    assert.ok(view.height > 300, `the shape has ${view.height} pixels`);
+  });
   await page.getByRole("group", { name: "Size of the part" }).waitFor();
   await assertLarge(".inspector button:not(.ladder button), .ladder, .inspector select");
   await shot(page, "phone_sheet");
   await page.getByRole("button", { name: "Menu" }).tap();
   await page.getByRole("menuitem", { name: "Timeline" }).tap();
-  const line = await page.locator(".timeline").boundingBox();
-  const moved = await page.locator(".inspector").boundingBox();
-  assert.ok(line.y + line.height <= moved.y + 1, "the timeline covers the sheet");
+  await eventually(async () => {
+    const line = await page.locator(".timeline").boundingBox();
+    const moved = await page.locator(".inspector").boundingBox();
+    assert.ok(line.y + line.height <= moved.y + 1, "the timeline covers the sheet");
+  });
   await shot(page, "phone_timeline");
 });
 
