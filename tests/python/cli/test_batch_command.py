@@ -38,7 +38,7 @@ def shapes(run, chair, folder, monkeypatch):
             (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),
             "`--edit` and `--made-on` must be given equally often",
         ),
-        ((*BATCH, "--edit", "none.json"), "none.json: the edit could not be read"),
+        ((*BATCH, "--edit", "none.json"), "`--edit`: none.json does not exist"),
         (
             (*BATCH, "--step", "edits", "--edit", "edit.json", "--made-on", "far.ply"),
             "far.field.safetensors, the field of far.ply, does not exist",
