@@ -1,13 +1,13 @@
-import { useEffect, useRef } from "preact/hooks";
-
-import { LIST, toggle, type Action } from "../actions/actions";
+import { LIST, type Action } from "../actions/actions";
+import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { IconButton } from "../widgets/controls";
+import { Dialog } from "../widgets/controls";
 
 type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
   ["Click", "Add a handle"],
   ["Drag", "Orbit; the right button pans"],
+  ["Axis", "Click an axis in the corner to look along it"],
   ["Wheel", "Zoom; on a part, or during a drag, a smaller or larger part"],
   ["Ctrl Wheel", "Zoom everywhere"],
   ["Shift Click", "Add the clicked part to the handle"],
@@ -25,28 +25,17 @@ function entriesOf(group: Action["group"]): readonly Entry[] {
 
 export function Help() {
   const { help } = useParts();
-  const box = useRef<HTMLDivElement>(null);
-  useEffect(() => {
-    if (help) box.current?.focus();
-  }, [help]);
   if (!help) return null;
-  const close = () => toggle("help");
   return (
-    <div class="veil" onClick={(event) => event.target === event.currentTarget && close()}>
-      <div class="dialog keys" role="dialog" aria-modal="true" aria-label="Keys" tabIndex={-1} ref={box}>
-        <header>
-          <h2>Keys and pointer</h2>
-          <IconButton icon="remove" label="Close" keys="Esc" onPress={close} />
-        </header>
-        <div class="key-groups">
-          <KeyGroup title="Pointer" entries={POINTER} />
-          <KeyGroup title="Touch" entries={TOUCH} />
-          {GROUPS.map((group) => (
-            <KeyGroup key={group} title={group} entries={entriesOf(group)} />
-          ))}
-        </div>
+    <Dialog title="Keys and pointer" label="Keys" wide onClose={() => store.set({ help: false })}>
+      <div class="key-groups">
+        <KeyGroup title="Pointer" entries={POINTER} />
+        <KeyGroup title="Touch" entries={TOUCH} />
+        {GROUPS.map((group) => (
+          <KeyGroup key={group} title={group} entries={entriesOf(group)} />
+        ))}
       </div>
-    </div>
+    </Dialog>
   );
 }
 

@@ -178,6 +178,12 @@ test(
     }
     await page.keyboard.press("Shift+Digit1");
     assert.ok((await direction())[2] < -0.999);
+    // From the front, the x axis of the compass is 32 pixels to the right of its middle.
+    await page.keyboard.press("1");
+    const view = await page.locator("canvas").boundingBox();
+    await page.mouse.click(view.x + view.width - 64 + 32, view.y + view.height - 32 - 64);
+    await eventually(async () => assert.ok((await direction())[0] > 0.999, "the compass does not turn the view"));
+    assert.equal(await state(page, (s) => s.edit.handles.length), 1);
     /** Return the width of a unit at two depths, in pixels. */
     const widths = async () => {
       await until(page, () => window.dfd.rests());
