@@ -34,6 +34,8 @@ export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
     () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
   );
   page.setDefaultTimeout(PATIENCE);
+  // With a listener from the beginning, the browser surely passes on the first dialog that chooses files.
+  page.on("filechooser", () => undefined);
   const [problems, sent] = [[], []];
   page.on("websocket", (socket) => socket.on("framesent", ({ payload }) => sent.push(JSON.parse(payload).type)));
   page.on("pageerror", (error) => problems.push(error.message));
@@ -77,6 +79,12 @@ function installHook() {
         const received = await ask({ type: "compute" });
         if (!received) throw new Error("The server computed nothing.");
         return received.payload.get("positions", "F32");
+      },
+      /** Return the vertices that would follow the selected handle with other controls, (N). */
+      async following(controls) {
+        const received = await ask({ type: "preview", handle: store.get().selected, controls });
+        const weights = received?.payload.get("values", "U16") ?? [];
+        return [...weights.keys()].filter((vertex) => weights[vertex] >= 32768);
       },
       /** Return the vertex of each row (R). */
       vertices: () => shown().vertexOf,
