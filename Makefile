@@ -23,6 +23,7 @@ demo: $(VENV)/installed
 
 # Builds the pages into build/docs/html, runs their code and draws their pictures. Every warning is an error.
 docs: $(VENV)/installed-docs
+	$(BIN)/python docs/tools/generated.py
 	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
 	@echo build/docs/html/index.html
 

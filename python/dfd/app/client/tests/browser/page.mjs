@@ -58,6 +58,8 @@ function installHook() {
     };
     return {
       store,
+      /** Send a request, and return the answer. */
+      ask,
       /** Close the connection to the server. */
       drop,
       /** Return the shader's posed positions relative to the mesh's center, and the heat, (R, 4). */
