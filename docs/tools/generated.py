@@ -1,7 +1,7 @@
 """Write reference tables, which come from the code, into the pages: `python docs/tools/generated.py`.
 
-The result of the function NAME stands between `<!-- generated NAME -->` and `<!-- end -->`. `make docs` calls this file,
-and a test fails if a page is stale.
+The result of the function NAME stands between `<!-- generated NAME -->` and `<!-- end -->`. `make docs` calls this
+file, and a test fails if a page is stale.
 """
 
 import html

@@ -18,6 +18,15 @@ const TOUCH: readonly Entry[] = [
   ["Finger", "Orbit; on the gizmo, move the handle"],
   ["2 Fingers", "Zoom and pan"],
 ];
+/** How to set a wrong guess right, as the page docs/how_to/too_much.md explains. */
+const WRONG: readonly Entry[] = [
+  ["Wheel", "Over the part: a smaller or a larger part, as in the ladder of the panel"],
+  ["Picture", "Click a picture that appears after a drag: this result instead"],
+  ["Panel", "Who follows: all alike, only mirrored parts, or only this one"],
+  ["X", "Fix a point: it stays, and so does what looks like it"],
+  ["B", "Paint a region, to hold it or to limit the handle to it"],
+  ["Shift Click", "Hold one more part"],
+];
 const GROUPS: readonly Action["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 function entriesOf(group: Action["group"]): readonly Entry[] {
   return LIST.filter((action) => action.group === group).map(({ keys, label }) => [keys, label]);
@@ -29,6 +38,7 @@ export function Help() {
   return (
     <Dialog title="Keys and pointer" label="Keys" wide onClose={() => store.set({ help: false })}>
       <div class="key-groups">
+        <KeyGroup title="It moved too much, or too little" entries={WRONG} />
         <KeyGroup title="Pointer" entries={POINTER} />
         <KeyGroup title="Touch" entries={TOUCH} />
         {GROUPS.map((group) => (

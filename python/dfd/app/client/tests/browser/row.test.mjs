@@ -53,6 +53,20 @@ test("renaming selects the old name", { timeout: PATIENCE }, async () => {
   await until(page, (s) => s.edit.handles[0].name === "Legs");
 });
 
+test("the place of a handle is copied for Python and the command line", { timeout: PATIENCE }, async () => {
+  await page.evaluate(() =>
+    Object.defineProperty(window.navigator.clipboard, "writeText", {
+      value: (text) => Promise.resolve((window.copied = text)),
+    }),
+  );
+  await page.getByRole("button", { name: "Copy the place" }).click();
+  await page.getByText("is copied, for --handle").waitFor();
+  const copied = (await page.evaluate(() => window.copied)).split(",").map(Number);
+  const { position } = await state(page, (s) => s.edit.handles[0]);
+  const size = await state(page, (s) => s.mesh.diagonal);
+  copied.forEach((part, i) => assert.ok(Math.abs(part - position[i]) < 1e-3 * size, `${copied}, not ${position}`));
+});
+
 test("the planes of symmetry have a fixed order, and a choice shows at once", { timeout: PATIENCE }, async () => {
   const group = page.getByRole("group", { name: "Mirror plane" });
   await eventually(async () => {
