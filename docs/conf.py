@@ -22,7 +22,6 @@ extensions = [
     "tools.docstrings",
     "tools.equations",
     "tools.examples",
-    "tools.generated",
 ]
 exclude_patterns = ["tools"]
 

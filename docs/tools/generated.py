@@ -1,12 +1,17 @@
-"""Generate reference tables from the code. The result of the function NAME replaces `<!-- generated NAME -->`."""
+"""Write reference tables, which come from the code, into the pages: `python docs/tools/generated.py`.
+
+The result of the function NAME stands between `<!-- generated NAME -->` and `<!-- end -->`. `make docs` calls this
+file, and a test fails if a page is stale.
+"""
 
 import html
+import inspect
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import typer
-from sphinx.application import Sphinx
 from typer.cli import get_docs_for_click
 
 import dfd
@@ -14,18 +19,22 @@ from dfd.cli import app as commands
 from dfd.distillation.settings import source_of
 from dfd.editing.controls import CONTROLS
 
-MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
+PAGES = Path(__file__).resolve().parents[1]
+MARK = re.compile(r"(^<!-- generated (\w+) -->\n).*?(^<!-- end -->$)", re.MULTILINE | re.DOTALL)
 Schema = dict[str, Any]
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the function that inserts the generated text when Sphinx reads a page."""
-    app.connect("source-read", _put_in)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+def main() -> None:
+    """Write the present tables into all pages."""
+    for page in PAGES.rglob("*.md"):
+        text = page.read_text("utf-8")
+        if (now := with_tables(text)) != text:
+            page.write_text(now, "utf-8")
 
 
-def _put_in(app: Sphinx, name: str, source: list[str]) -> None:
-    source[0] = MARK.sub(lambda mark: globals()[mark[1]](), source[0])
+def with_tables(text: str) -> str:
+    """Return the text of a page with the present tables."""
+    return MARK.sub(lambda mark: f"{mark[1]}\n{globals()[mark[2]]().strip()}\n\n{mark[3]}", text)
 
 
 def command_line() -> str:
@@ -33,7 +42,19 @@ def command_line() -> str:
     group = typer.main.get_command(commands)
     text = get_docs_for_click(obj=group, ctx=typer.Context(group), name="dfd")
     text = html.unescape(text[text.index("## `dfd ") :])
+    text = re.sub(r"```console\n\$ (.*)\n```", r"`\1`", text)
     return re.sub(r"^\*\*(\w+)\*\*:$", r"\1:", text, flags=re.MULTILINE)
+
+
+def python_names() -> str:
+    """Return a table of the public names with the first sentence of each docstring."""
+    rows = [f"| `{name}` | {_first(getattr(dfd, name))} |" for name in sorted(dfd.__all__, key=str.lower)]
+    return "\n".join(["| name | what it is |", "|---|---|", *rows])
+
+
+def _first(thing: Any) -> str:
+    """Return the first sentence of a docstring."""
+    return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split()).replace("|", "\\|")
 
 
 def edit_file() -> str:
@@ -100,3 +121,7 @@ def _type(schema: Schema) -> str:
         if key in schema and abs(schema[key]) < 1e15
     ]
     return " ".join([schema.get("type", "anything"), *bounds])
+
+
+if __name__ == "__main__":
+    main()

@@ -11,10 +11,12 @@ import sys
 import tarfile
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import dfd
+from dfd.common import distribution
 from dfd.common.distribution import DISTRIBUTION
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,6 +34,32 @@ def test_the_distribution_has_one_name():
 def test_no_page_promises_a_release_that_does_not_exist():
     for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
         assert not re.search(rf'pip install "?{DISTRIBUTION}\b', page.read_text("utf-8")), page
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, 'pip install "dfd[app]"'),
+        ({"url": "file:///home/me/dfd", "dir_info": {}}, 'pip install "dfd[app] @ file:///home/me/dfd"'),
+        ({"url": "file:///home/me/dfd", "dir_info": {"editable": True}}, 'pip install -e "/home/me/dfd[app]"'),
+        (
+            {"url": "https://example.org/dfd", "vcs_info": {"vcs": "git", "commit_id": "1a2b"}},
+            'pip install "dfd[app] @ git+https://example.org/dfd@1a2b"',
+        ),
+    ],
+)
+def test_an_extra_is_installed_from_where_the_package_came_from(monkeypatch, origin, command):
+    found = SimpleNamespace(read_text=lambda _: None if origin is None else json.dumps(origin))
+    monkeypatch.setattr(distribution, "distribution", lambda _: found)
+    assert distribution.pip_install("app") == command
+
+
+def test_a_session_cannot_be_shown_without_the_extra(monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("dfd.app.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    with pytest.raises(ImportError, match=re.escape(f"(uvicorn): {distribution.pip_install('app')}")):
+        dfd.Deformer.page(None)
 
 
 def test_the_package_knows_its_version():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dfd.common.distribution import needs
+
 if TYPE_CHECKING:
     from dfd.app.web.launch import Frame, RunningApp
     from dfd.editing.deformer import Deformer
@@ -19,10 +21,13 @@ def show(deformer: Deformer, *, height: int = 640) -> Frame:
 
     Do not edit the session in the page and in Python at the same time. `height` is the height of the frame in pixels.
 
-    Raises OSError if the page has not been built.
+    Raises ImportError with advice if packages of the app are missing, and OSError if the page has not been built.
     """
-    from dfd.app.options import SessionOptions
-    from dfd.app.web import launch
+    try:
+        from dfd.app.options import SessionOptions
+        from dfd.app.web import launch
+    except ImportError as error:
+        raise ImportError(needs("show: the app", "app", error), name=error.name) from None
 
     launch.check_built()
     running = _SHOWN.get(id(deformer))

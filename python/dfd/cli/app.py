@@ -9,16 +9,19 @@ from typer import Argument, Option
 from dfd.cli import options
 from dfd.cli.arguments import preset_of
 from dfd.cli.errors import say
-from dfd.common.distribution import pip_install
+from dfd.common.distribution import needs
 from dfd.encoders.known import DEFAULT_ENCODER
 
 
 def app(
     mesh: Annotated[
-        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; if left out, the start page.")
+        Path | None,
+        Argument(
+            metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; if left out, the start page.", **options.READ
+        ),
     ] = None,
     field: options.MadeField = None,
-    edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.")] = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="Start with this edit.", **options.READ)] = None,
     sample: Annotated[str | None, Option(metavar="NAME", help="Open a sample: quadruped, chair or robot.")] = None,
     preset: options.PresetOfEdit = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
@@ -38,9 +41,6 @@ def app(
     browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Edit MESH in a browser: drag a point of it, and all similar parts follow."""
-    for option, path in (("MESH", mesh), ("--field", field), ("--edit", edit)):
-        if path is not None and not path.is_file():
-            raise FileNotFoundError(f"`{option}`: {path} does not exist or is no file")
     if mesh is not None and sample is not None:
         raise ValueError("`--sample` must not be given with MESH: the app opens one shape")
     if mesh is None and sample is None and (field or edit):
@@ -50,7 +50,7 @@ def app(
         from dfd.app.web.launch import serve
         from dfd.app.web.safety import check_host_name, check_root_path, loopback
     except ImportError as error:
-        raise ValueError(f"the app needs more packages ({error.name}): {pip_install('app')}") from None
+        raise ValueError(needs("the app", "app", error)) from None
     files = (None if path is None else OpenedFile(path.name, path.resolve()) for path in (mesh, field, edit))
     opened_mesh, opened_field, opened_edit = files
     start = SessionOptions(

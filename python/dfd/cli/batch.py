@@ -39,7 +39,9 @@ def batch(
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
-    edit: Annotated[list[Path] | None, Option(metavar="JSON", help="An edit for all shapes; repeatable.")] = None,
+    edit: Annotated[
+        list[Path] | None, Option(metavar="JSON", help="An edit for all shapes; repeatable.", **options.READ)
+    ] = None,
     made_on: Annotated[
         list[Path] | None,
         Option(

@@ -69,14 +69,16 @@ def deform(
             metavar="JSON|MESH",
             help="Move the handles so that places arrive at targets: a JSON object of places and positions, such as"
             ' {"top": [0, 2, 0]}, or a mesh file with the points of a scan, which attract the nearest surface.',
+            **options.READ,
         ),
     ] = None,
     fit_motion: Annotated[
         str, Option(metavar="rigid|scale|affine", help="The motion of each handle with --fit.")
     ] = "rigid",
-    edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.")] = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.", **options.READ)] = None,
     made_on: Annotated[
-        Path | None, Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.")
+        Path | None,
+        Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.", **options.READ),
     ] = None,
     threshold: options.Threshold = None,
     force: Annotated[

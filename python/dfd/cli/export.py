@@ -14,7 +14,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 def export(
     mesh: options.Mesh,
-    edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
+    edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.", **options.READ)],
     field: options.MadeField = None,
     output: Annotated[
         Path | None,
@@ -34,7 +34,11 @@ def export(
     ] = None,
     poses: Annotated[
         Path | None,
-        Option(metavar="JSON", help="An edit whose key poses become the animation, instead of those of --edit."),
+        Option(
+            metavar="JSON",
+            help="An edit whose key poses become the animation, instead of those of --edit.",
+            **options.READ,
+        ),
     ] = None,
     weights: Annotated[
         Path | None, Option(metavar="FILE", help="An .npz or .safetensors file for the weights as arrays.")

@@ -19,9 +19,9 @@ class HandlesCommand(TyperCommand):
     """A command that accepts several handles with their options. The value of an option may be several numbers."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Store the options of each handle, and parse all others. Options before the first `--handle` belong to it.
+        """Store the options of each handle, and parse all others.
 
-        Raises ValueError if an option of a handle has the wrong number of values.
+        Raises ValueError if an option of a handle stands before its `--handle`, or has the wrong number of values.
         """
         own = {flag: each for each in self.params if each.name in OF_A_HANDLE for flag in each.opts}
         own |= {flag: each for each in own.values() for flag in each.secondary_opts}
@@ -38,6 +38,9 @@ class HandlesCommand(TyperCommand):
                 rest.insert(0, value)
             if each.name == "handle" and "handle" in handles[-1]:
                 handles.append({})
+            elif each.name == "handle" and handles[-1]:
+                early = next(each.opts[0] for each in own.values() if each.name in handles[-1])
+                raise ValueError(f"`{early}` must follow the `--handle` to which it belongs")
             taken: Any = flag in each.opts if each.is_flag else _value(flag, each.metavar, rest)
             handles[-1][each.name] = [*handles[-1].get(each.name, ()), taken] if each.multiple else taken
         ctx.meta[HANDLES] = handles

@@ -6,18 +6,31 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-from typer import Argument, Option
+from typer import Argument, CallbackParam, Option
 
 from dfd.common.described import About
 from dfd.common.preset import Preset as PresetName
 from dfd.editing.presets import PRESETS
+from dfd.encoders.known import DEFAULT_ENCODER
 
 # The help shows this text for the place of a handle.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|component@X,Y,Z|…"
 
+
+def _check_file(parameter: CallbackParam, given: Any) -> Any:
+    """Return `given`, a path or a list of paths. Raise FileNotFoundError with the option's name if one is no file."""
+    name = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.metavar
+    for path in given if isinstance(given, list | tuple) else [given]:
+        if path is not None and not Path(path).is_file():
+            raise FileNotFoundError(f"`{name}`: {path} does not exist or is no file")
+    return given
+
+
+READ: Any = {"callback": _check_file}  # settings of an option or an argument whose file is read
+
 Mesh = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 MadeField = Annotated[
-    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.")
+    Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.", **READ)
 ]
 Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
 PRESET = "Defaults of all other settings: dfd's or the paper's. If left out, "
@@ -29,8 +42,24 @@ Fix = Annotated[
     list[str] | None,
     Option(metavar="PLACE[:S]", help="Fix this place and surface like it, with a strength S from 0 to 1; repeatable."),
 ]
+
+
+def _checked_encoder(name: str) -> str:
+    """Return `name`. Raise ValueError if no encoder can have this name, before anything else is read."""
+    if name != DEFAULT_ENCODER:
+        from dfd.encoders.sources import check_encoder
+
+        check_encoder(name)
+    return name
+
+
 Encoder = Annotated[
-    str, Option(metavar="NAME", help="The encoder: a known name, a weights folder, or a name on the Hugging Face hub.")
+    str,
+    Option(
+        metavar="NAME",
+        help="The encoder: a known name, a weights folder, or a name on the Hugging Face hub.",
+        callback=_checked_encoder,
+    ),
 ]
 Threshold = Annotated[
     float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")

@@ -19,6 +19,8 @@ class Advance(Protocol):
 class Stages:
     """Measures the wall times of the stages of a call; with `show`, each stage has a progress bar on standard error.
 
+    There are no bars if standard error is neither a terminal nor a notebook.
+
     `seconds` maps each stage's name to its wall time, in the order in which the stages ended. `latest` is the name of
     the stage that began last.
     """
@@ -52,11 +54,13 @@ class Stages:
 def _bar() -> Progress:
     # In a notebook without ipywidgets, Rich warns at each progress bar, unless it is forced to write plain text.
     force_jupyter = False if importlib.util.find_spec("ipywidgets") is None else None
+    console = Console(stderr=True, force_jupyter=force_jupyter)
     return Progress(
         TextColumn("{task.description:<10}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=Console(stderr=True, force_jupyter=force_jupyter),
+        console=console,
+        disable=not (console.is_terminal or console.is_jupyter),
     )

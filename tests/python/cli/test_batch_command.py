@@ -11,6 +11,7 @@ from fake_ray import FakeRay
 
 import dfd
 from dfd.batch.settings import BatchSettings
+from dfd.common.distribution import pip_install
 from dfd.distillation.settings import DistillSettings
 
 BATCH = ("batch", "shapes/*.ply", "-o", "out")
@@ -38,7 +39,7 @@ def shapes(run, chair, folder, monkeypatch):
             (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),
             "`--edit` and `--made-on` must be given equally often",
         ),
-        ((*BATCH, "--edit", "none.json"), "none.json: the edit could not be read"),
+        ((*BATCH, "--edit", "none.json"), "`--edit`: none.json does not exist"),
         (
             (*BATCH, "--step", "edits", "--edit", "edit.json", "--made-on", "far.ply"),
             "far.field.safetensors, the field of far.ply, does not exist",
@@ -62,7 +63,7 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
 
 def test_without_ray_it_says_what_to_install(shapes, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    assert failed(shapes(*BATCH, "--step", "inspect"), '`dfd batch` runs on Ray: pip install "dfd[batch]"')
+    assert failed(shapes(*BATCH, "--step", "inspect"), f"`dfd batch` runs on Ray: {pip_install('batch')}")
     assert not Path("out").exists()
 
 

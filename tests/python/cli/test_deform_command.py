@@ -61,7 +61,7 @@ def test_an_edit_holds_several_handles_and_options_add_to_it(run, chair):
 
 
 def test_every_handle_has_the_options_that_follow_it(run, chair):
-    first = ("--translate", 0, 1, 0, "--handle", 40, "--reach", "part", "--falloff=smooth", "--name", "foot")
+    first = ("--handle", 40, "--translate", 0, 1, 0, "--reach", "part", "--falloff=smooth", "--name", "foot")
     second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--counterparts", "own_pivot")
     second += ("--excluded-counterpart", 7, "--excluded-counterpart=0.1,0.2,0.3")
     third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--mask", "y>0", "--axes", "normal")

@@ -61,4 +61,4 @@ def test_parts_are_groups_of_an_obj_and_material_slots_of_a_glb(run, chair):
     assert failed(run("parts", "MESH", "--field", "FIELD", "-o", "parts.ply"), "`--output` must end in .json, .obj")
     assert failed(run("parts", "shape.txt"), "`MESH` must end in .obj, .ply")
     assert failed(run("parts", "none.obj"), "`MESH` none.obj could not be read")
-    assert failed(run("parts", "MESH", "--field", "none.safetensors"), "`--field` none.safetensors does not exist")
+    assert failed(run("parts", "MESH", "--field", "none.safetensors"), "`--field`: none.safetensors does not exist")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from huggingface_hub import constants, errors
 from tiny_encoder import save_tiny_encoder
 from tiny_families import VISION, Saved, tokens
 
+from dfd.common.distribution import pip_install
 from dfd.encoders import sources
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -132,5 +134,5 @@ def test_packages_that_are_missing_are_named(
     encoder = saved(name).folder if package == "transformers" else name
     monkeypatch.setitem(sys.modules, f"{package}.models.auto.configuration_auto", None)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ValueError, match=r'load_encoder: `encoder`.* pip install "dfd\[encoders\]"'):
+    with pytest.raises(ValueError, match=r"load_encoder: `encoder`.* " + re.escape(pip_install("encoders"))):
         load_encoder(encoder, device="cpu")

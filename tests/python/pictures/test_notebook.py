@@ -6,6 +6,7 @@ import io
 from unittest import mock
 
 import numpy as np
+import pytest
 from made_field import field_of
 from mesh_files import CORNERS, CUBE
 from PIL import Image
@@ -38,3 +39,13 @@ def test_a_session_is_shown_as_it_is_posed() -> None:
 def test_bars_need_no_widgets_in_a_notebook() -> None:
     with mock.patch("rich.console._is_jupyter", return_value=True), Stages().stage("work", 2) as advance:
         advance(2)  # without ipywidgets, rich warns, and warnings are errors here
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_bars_are_only_drawn_in_a_terminal(
+    terminal: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1") if terminal else monkeypatch.delenv("FORCE_COLOR", raising=False)
+    with Stages().stage("work", 2) as advance:
+        advance(2)
+    assert ("work" in capsys.readouterr().err) == terminal

@@ -28,9 +28,8 @@ def details(report: Report) -> tuple[str, ...]:
             words += f", with {each.counterparts - 1} alike, each about its own pivot"
         if each.mirrored is not None:
             words += ", mirrored"
-        if each.share is not None and each.level is not None:
-            low, high = each.levels
-            words += f", step {each.level - low + 1} of {high - low + 1}: {100 * each.share:.0f} % of the surface"
+        if each.step:
+            words += f", {each.step} of the surface"
         told.append(f"{words}{'' if each.note is None else f', {each.note}'}.")
     return (*told, *([] if report.advice is None else [f"{report.advice}."]))
 

@@ -16,6 +16,7 @@ from dfd.mesh.file.formats import ENDINGS
 
 FIELD, EDIT = ".safetensors", ".json"
 FORMATS = (*ENDINGS, ".zip", FIELD, EDIT)
+MESHES = "OBJ, PLY, STL, OFF, glTF or GLB"  # the endings, as users know them
 MOST_FILES = 500
 DEEPEST = 6  # largest depth of folders in a ZIP file
 CHUNK = 1 << 20  # bytes
@@ -48,8 +49,8 @@ def receive(files: Sequence[tuple[str, IO[bytes]]], folder: Path, most_bytes: in
             packed = next((name for name in given.paths if _ending(name) == ".zip"), None)
             if packed is not None:
                 raise ValueError(f"{_last(packed)} is a ZIP file in a ZIP file: unpack it, and open its files")
-            names = ", ".join(map(_last, list(given.paths)[:5])) or "nothing"
-            raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
+            names = ", ".join(map(_last, list(given.paths)[:5])) or "An upload without files"
+            raise ValueError(f"{names} cannot be opened: open {MESHES}; convert FBX with Blender")
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise

@@ -25,30 +25,18 @@ export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
 const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
 
-/** Close the help if it is open. Otherwise, leave the tool or mode in use; if there is none, clear the selection. */
+/** Leave the tool or mode in use; if there is none, clear the selection. */
 function escape(): void {
-  const { help, tool, painted, moment, isolated, suggestions } = store.get();
-  if (help) store.set({ help: false });
-  else if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
+  const { tool, painted, moment, isolated, suggestions } = store.get();
+  if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
   else if (moment) leave();
   else if (suggestions.length > 0) store.set({ suggestions: [] });
   else if (isolated) store.set({ isolated: false });
   else edit.select(null);
 }
 
-type Switch =
-  | "orthographic"
-  | "comparing"
-  | "snap"
-  | "wireframe"
-  | "xray"
-  | "isolated"
-  | "weights"
-  | "more"
-  | "inspector"
-  | "help"
-  | "timeline"
-  | "local";
+/** Keys of the state that are on or off. */
+type Switch = { [Key in keyof State]: State[Key] extends boolean ? Key : never }[keyof State];
 
 export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
@@ -59,10 +47,10 @@ function nextLook(): void {
   store.set({ look: LOOKS[(LOOKS.indexOf(now) + 1) % LOOKS.length] });
 }
 
-const withSelected = (run: (handle: number) => void) => () => {
-  const { selected } = store.get();
-  if (selected !== null) run(selected);
-};
+function sendSelected(type: "reset" | "remove"): void {
+  const { selected: handle } = store.get();
+  if (handle !== null) send({ type, handle });
+}
 
 function cycle(by: number): void {
   const { edit: known, selected } = store.get();
@@ -95,19 +83,9 @@ export const ACTIONS = {
   third: { keys: "Alt 3", group: "Handle", label: "Take the third proposal", run: () => take(2) },
   next: { keys: "N", group: "Handle", label: "Next handle", run: () => cycle(1) },
   previous: { keys: "Shift N", group: "Handle", label: "Previous handle", run: () => cycle(-1) },
-  reset: {
-    keys: "0",
-    group: "Handle",
-    label: "Return to rest",
-    run: withSelected((handle) => send({ type: "reset", handle })),
-  },
-  remove: {
-    keys: "Delete",
-    group: "Handle",
-    label: "Remove",
-    run: withSelected((handle) => send({ type: "remove", handle })),
-  },
-  escape: { keys: "Esc", group: "Handle", label: "Cancel, or deselect", run: escape, everywhere: true },
+  reset: { keys: "0", group: "Handle", label: "Return to rest", run: () => sendSelected("reset") },
+  remove: { keys: "Delete", group: "Handle", label: "Remove", run: () => sendSelected("remove") },
+  escape: { keys: "Esc", group: "Handle", label: "Cancel, or deselect", run: escape },
   hold: { keys: "H", group: "Tools", label: "Add handles", run: set({ tool: "hold" }) },
   fix: { keys: "X", group: "Tools", label: "Fix points", run: set({ tool: "fix" }) },
   paint: { keys: "B", group: "Tools", label: "Brush", run: set({ tool: "paint" }) },
@@ -124,12 +102,7 @@ export const ACTIONS = {
   wire: { keys: "Z", group: "View", label: "Wireframe", run: () => toggle("wireframe") },
   xray: { keys: "V", group: "View", label: "X-ray", run: () => toggle("xray") },
   isolate: { keys: "/", group: "View", label: "Show only the handle's part", run: () => toggle("isolated") },
-  weights: {
-    keys: "Y",
-    group: "View",
-    label: "Color what follows",
-    run: () => toggle("weights"),
-  },
+  weights: { keys: "Y", group: "View", label: "Color what follows", run: () => toggle("weights") },
   frame: { keys: "F", group: "View", label: "Frame the handle's part", run: look("selection") },
   frameShape: { keys: "Shift F", group: "View", label: "Frame the shape", run: look("shape") },
   front: { keys: "1", group: "View", label: "From the front", run: look("front") },

@@ -23,8 +23,8 @@ const DISMISSALS: Record<number, State["ended"]> = {
     button: null,
   },
 };
-/** Milliseconds without an answer after which the page says that the server works. */
-const NOTICED = 300;
+/** Milliseconds without an answer after which the page says that the server works. It is drawn before 300 ms. */
+const NOTICED = 250;
 
 const FIRST_WAIT = 400; // milliseconds before the first attempt to reconnect; later waits double
 const LONGEST_WAIT = 8000;

@@ -1,6 +1,6 @@
 /** Uploads and exports. */
 
-import type { Export } from "../protocol/messages";
+import type { Export, HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { ask } from "./connection";
 import { seenTransforms } from "./edit";
@@ -110,6 +110,15 @@ function save(address: string, name: string): void {
   anchor.href = address;
   anchor.download = name;
   anchor.click();
+}
+
+/** Copy the coordinates of a handle, by which Python and the command line name its place. */
+export async function copyPlace({ position }: HandleState): Promise<void> {
+  const place = position.map((part) => Number(part.toPrecision(4))).join();
+  await navigator.clipboard.writeText(place).then(
+    () => note(`${place} is copied, for --handle on the command line or session.add in Python.`),
+    () => problem(`The browser does not let the page copy. The place is ${place}.`),
+  );
 }
 
 /** Save a picture under the name of the shape. */

@@ -25,6 +25,8 @@ export function listen(grabbed: () => number | null): void {
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
+    // The browser closes a dialog with Esc, and other keys do nothing there.
+    if (document.querySelector("dialog:modal")) return;
     const keys = keysOf(event);
     // Space plays the timeline even if a button has the focus. Enter presses the button.
     if (event.key === " " && target.matches("input, [role=menuitem]")) return;

@@ -9,17 +9,23 @@ const MOST_VERTICES = 150_000;
 /** Milliseconds after a gesture before the server is asked, so that a next gesture is not delayed. */
 const PAUSE = 250;
 
-/** Propose when a drag has ended. `draw` returns a picture of a pose. */
-export function proposeAfterDrags(draw: (posed: Posed) => string): void {
-  let timer = 0;
-  const clear = () => {
-    clearTimeout(timer);
-    if (store.get().proposals) store.set({ proposals: null });
-  };
-  store.on("dragging", (dragging) => {
-    clear();
-    if (!dragging) timer = window.setTimeout(() => void propose(draw), PAUSE);
-  });
+let timer = 0;
+let draw: (posed: Posed) => string;
+
+function clear(): void {
+  clearTimeout(timer);
+  if (store.get().proposals) store.set({ proposals: null });
+}
+
+function proposeSoon(): void {
+  clear();
+  timer = window.setTimeout(() => void propose(), PAUSE);
+}
+
+/** Propose when a drag has ended. `drawn` returns a picture of a pose. */
+export function proposeAfterDrags(drawn: (posed: Posed) => string): void {
+  draw = drawn;
+  store.on("dragging", (dragging) => (dragging ? clear() : proposeSoon()));
   store.watch(({ selected, mesh, comparing, tool }) => [selected, mesh, comparing, tool], clear);
   // Another change of the edit makes the pictures wrong. The end of the drag itself changes it once.
   store.watch(
@@ -28,7 +34,7 @@ export function proposeAfterDrags(draw: (posed: Posed) => string): void {
   );
 }
 
-async function propose(draw: (posed: Posed) => string): Promise<void> {
+async function propose(): Promise<void> {
   // Wait for the state after the gesture.
   while (store.get().ahead.size > 0 && !store.get().dragging) await new Promise((next) => setTimeout(next, PAUSE));
   const { mesh, edit, dragging, tool } = store.get();
@@ -44,11 +50,11 @@ async function propose(draw: (posed: Posed) => string): Promise<void> {
   store.set({ proposals: choices.length > 0 ? { handle: handle.handle, choices } : null });
 }
 
-/** Give the handle the controls of a proposal. */
+/** Give the handle the controls of a proposal, and propose again. */
 export function take(index: number): void {
   const { proposals } = store.get();
   const choice = proposals?.choices[index];
   if (!proposals || !choice) return;
-  store.set({ proposals: null });
   change(proposals.handle, choice.controls);
+  proposeSoon();
 }

@@ -1,6 +1,6 @@
 /** Apply the messages of the server to the store. */
 
-import type { Received } from "../protocol/binary_messages";
+import type { Payload, Received, ServerMessage } from "../protocol/binary_messages";
 import { surfaceOf } from "../posing/held";
 import type { StateMessage } from "../protocol/messages";
 import { CLOSED, serverPoses, store, type State } from "../store/state";
@@ -10,91 +10,60 @@ import { note, problem } from "./toasts";
 /** Stages that report the end of background work. */
 const ENDED = ["done", "cancelled", "failed"];
 
+type Kind = ServerMessage["type"];
+type Changes = {
+  [Type in Kind]?: (message: Extract<ServerMessage, { type: Type }>, payload: Payload) => Partial<State>;
+};
+
+/** What each message changes in the state. */
+const CHANGES: Changes = {
+  session: (session) => ({ session }),
+  start: ({ recent }) => ({ ...CLOSED, page: "start", progress: null, recent }),
+  mesh: (mesh, payload) => ({
+    ...CLOSED,
+    // A new shape begins with the gizmo that moves.
+    ...(store.get().mesh?.name === mesh.name ? {} : { gizmo: "translate" as const }),
+    page: "shape",
+    progress: null,
+    recent: mesh.recent,
+    mesh,
+    meshArrays: payload,
+    surface: surfaceOf(
+      mesh.vertices,
+      payload.get("positions", "F32"),
+      payload.get("triangles", "U32"),
+      payload.get("vertex", "U32"),
+    ),
+  }),
+  state: withEdit,
+  saved: ({ saved }) => ({ saved }),
+  columns: ({ columns }, payload) => ({ columns: withColumns(columns, payload.get("values", "U16")) }),
+  heat: ({ vertex, level, exact }, payload) => {
+    const { hover, level: wanted } = store.get();
+    const current = vertex !== null && hover?.vertex === vertex && wanted === level;
+    return current ? { probe: { vertex, level, exact, weights: payload.get("values", "U16") } } : {};
+  },
+  progress: (progress) => ({ progress: ENDED.includes(progress.stage) ? null : progress }),
+  report: (report) => ({ report }),
+  suggestions: ({ suggestions }) => ({ suggestions }),
+  similar: (similar) => ({ similar }),
+  ladder: (ladder) => ({ ladders: new Map([...store.get().ladders, [ladder.vertex, ladder]]) }),
+  axis: (axis) => ({ axis }),
+  colors: (_, payload) => ({ featureColors: payload.get("colors", "U8") }),
+  positions: (_, payload) =>
+    serverPoses(store.get())
+      ? { posed: { positions: payload.get("positions", "F32"), normals: payload.get("normals", "I16") } }
+      : {},
+};
+
 export function receive({ message, payload }: Received): void {
-  switch (message.type) {
-    case "session":
-      store.set({ session: message });
-      break;
-    case "start":
-      store.set({ ...CLOSED, page: "start", progress: null, recent: message.recent });
-      break;
-    case "mesh":
-      store.set({
-        ...CLOSED,
-        // A new shape begins with the gizmo that moves.
-        ...(store.get().mesh?.name === message.name ? {} : { gizmo: "translate" as const }),
-        page: "shape",
-        progress: null,
-        recent: message.recent,
-        mesh: message,
-        meshArrays: payload,
-        surface: surfaceOf(
-          message.vertices,
-          payload.get("positions", "F32"),
-          payload.get("triangles", "U32"),
-          payload.get("vertex", "U32"),
-        ),
-      });
-      message.warnings.forEach((warning) => note(warning));
-      break;
-    case "state":
-      store.set(withEdit(message));
-      break;
-    case "saved":
-      store.set({ saved: message.saved });
-      keep(message.key);
-      break;
-    case "columns":
-      store.set({ columns: withColumns(message.columns, payload.get("values", "U16")) });
-      break;
-    case "heat":
-      if (
-        message.vertex !== null &&
-        store.get().hover?.vertex === message.vertex &&
-        store.get().level === message.level
-      )
-        store.set({
-          probe: {
-            vertex: message.vertex,
-            level: message.level,
-            exact: message.exact,
-            weights: payload.get("values", "U16"),
-          },
-        });
-      break;
-    case "progress":
-      store.set({ progress: ENDED.includes(message.stage) ? null : message });
-      break;
-    case "report":
-      store.set({ report: message });
-      break;
-    case "suggestions":
-      store.set({ suggestions: message.suggestions });
-      break;
-    case "similar":
-      store.set({ similar: message });
-      break;
-    case "ladder":
-      store.set({ ladders: new Map([...store.get().ladders, [message.vertex, message]]) });
-      break;
-    case "axis":
-      store.set({ axis: message });
-      break;
-    case "colors":
-      store.set({ featureColors: payload.get("colors", "U8") });
-      break;
-    case "positions":
-      if (serverPoses(store.get()))
-        store.set({ posed: { positions: payload.get("positions", "F32"), normals: payload.get("normals", "I16") } });
-      break;
-    case "failure":
-      problem(message.message);
-      hideRefused(message.id);
-      break;
-    case "done":
-    case "download":
-      break;
-  }
+  const change = CHANGES[message.type] as ((message: ServerMessage, payload: Payload) => Partial<State>) | undefined;
+  if (change) store.set(change(message, payload));
+  if (message.type === "mesh") message.warnings.forEach((warning) => note(warning));
+  if (message.type === "saved") keep(message.key);
+  if (message.type !== "failure") return;
+  problem(message.message);
+  hideRefused(message.id);
 }
 
 /** Hide the unconfirmed changes of handles if the server refused the request that contains them. */

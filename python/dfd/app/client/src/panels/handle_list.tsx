@@ -5,7 +5,7 @@ import { select } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { handleColor, handleName, ready } from "../store/state";
 import { useParts } from "../store/use";
-import { IconButton, Menu, Panel } from "../widgets/controls";
+import { IconButton, Menu, Panel, Rename } from "../widgets/controls";
 import { whenReady } from "./next_step";
 
 const ALL = [
@@ -44,21 +44,11 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
   return (
     <li class={selected ? "row selected" : "row"}>
       {naming ? (
-        <input
-          class="rename"
-          aria-label={`New name of ${name}`}
-          defaultValue={name}
-          ref={(input) => input?.focus()}
-          onFocus={(event) => event.currentTarget.select()}
-          onBlur={(event) => {
+        <Rename
+          name={name}
+          onDone={(typed) => {
             setNaming(false);
-            const typed = event.currentTarget.value.trim();
-            if (typed && typed !== name) send({ type: "change", handle: id, controls: { name: typed } });
-          }}
-          onKeyDown={(event) => {
-            if (event.key === "Escape") event.currentTarget.value = name;
-            if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
-            event.stopPropagation();
+            if (typed) send({ type: "change", handle: id, controls: { name: typed } });
           }}
         />
       ) : (

@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { ask } from "../actions/connection";
 import type { Request } from "../protocol/binary_messages";
 import { change, changePart, move, setMotion, toggleCounterpart, type PartChange } from "../actions/edit";
+import { copyPlace } from "../actions/files";
 import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
 import type { Controls, HandleState } from "../protocol/messages";
@@ -13,6 +14,7 @@ import {
   Button,
   count,
   ActionButton,
+  IconButton,
   More,
   NumberRow,
   Panel,
@@ -49,7 +51,15 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const pivot = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
   return (
-    <Panel title={handleName(handle)} action={<ActionButton action="reset" disabled={!known.moved} />}>
+    <Panel
+      title={handleName(handle)}
+      action={
+        <>
+          <IconButton icon="copy" label="Copy the place" onPress={() => void copyPlace(known)} />
+          <ActionButton action="reset" disabled={!known.moved} />
+        </>
+      }
+    >
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
       <Followers handle={known} />
       <Toggle

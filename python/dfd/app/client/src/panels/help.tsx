@@ -1,13 +1,13 @@
-import { useEffect, useRef } from "preact/hooks";
-
-import { LIST, toggle, type Action } from "../actions/actions";
+import { LIST, type Action } from "../actions/actions";
+import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { IconButton } from "../widgets/controls";
+import { Dialog } from "../widgets/controls";
 
 type Entry = readonly [keys: string, label: string];
 const POINTER: readonly Entry[] = [
   ["Click", "Add a handle"],
   ["Drag", "Orbit; the right button pans"],
+  ["Axis", "Click an axis in the corner to look along it"],
   ["Wheel", "Zoom; on a part, or during a drag, a smaller or larger part"],
   ["Ctrl Wheel", "Zoom everywhere"],
   ["Shift Click", "Add the clicked part to the handle"],
@@ -18,6 +18,15 @@ const TOUCH: readonly Entry[] = [
   ["Finger", "Orbit; on the gizmo, move the handle"],
   ["2 Fingers", "Zoom and pan"],
 ];
+/** How to set a wrong guess right, as the page docs/how_to/too_much.md explains. */
+const WRONG: readonly Entry[] = [
+  ["Wheel", "Over the part: a smaller or a larger part, as in the ladder of the panel"],
+  ["Picture", "Click a picture that appears after a drag: this result instead"],
+  ["Panel", "Who follows: all alike, only mirrored parts, or only this one"],
+  ["X", "Fix a point: it stays, and so does what looks like it"],
+  ["B", "Paint a region, to hold it or to limit the handle to it"],
+  ["Shift Click", "Hold one more part"],
+];
 const GROUPS: readonly Action["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
 function entriesOf(group: Action["group"]): readonly Entry[] {
   return LIST.filter((action) => action.group === group).map(({ keys, label }) => [keys, label]);
@@ -25,28 +34,18 @@ function entriesOf(group: Action["group"]): readonly Entry[] {
 
 export function Help() {
   const { help } = useParts();
-  const box = useRef<HTMLDivElement>(null);
-  useEffect(() => {
-    if (help) box.current?.focus();
-  }, [help]);
   if (!help) return null;
-  const close = () => toggle("help");
   return (
-    <div class="veil" onClick={(event) => event.target === event.currentTarget && close()}>
-      <div class="dialog keys" role="dialog" aria-modal="true" aria-label="Keys" tabIndex={-1} ref={box}>
-        <header>
-          <h2>Keys and pointer</h2>
-          <IconButton icon="remove" label="Close" keys="Esc" onPress={close} />
-        </header>
-        <div class="key-groups">
-          <KeyGroup title="Pointer" entries={POINTER} />
-          <KeyGroup title="Touch" entries={TOUCH} />
-          {GROUPS.map((group) => (
-            <KeyGroup key={group} title={group} entries={entriesOf(group)} />
-          ))}
-        </div>
+    <Dialog title="Keys and pointer" label="Keys" wide onClose={() => store.set({ help: false })}>
+      <div class="key-groups">
+        <KeyGroup title="It moved too much, or too little" entries={WRONG} />
+        <KeyGroup title="Pointer" entries={POINTER} />
+        <KeyGroup title="Touch" entries={TOUCH} />
+        {GROUPS.map((group) => (
+          <KeyGroup key={group} title={group} entries={entriesOf(group)} />
+        ))}
       </div>
-    </div>
+    </Dialog>
   );
 }
 

@@ -4,9 +4,9 @@ import { send } from "../actions/connection";
 import { throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
-import { placeName, ready, selectedHandle } from "../store/state";
+import { placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
+import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
@@ -107,6 +107,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
           {report.details.map((line) => (
             <p key={line}>{line}</p>
           ))}
+          <Button text="Too much, or too little?" style="small" onPress={() => store.set({ help: true })} />
         </details>
       )}
     </Panel>

@@ -5,7 +5,7 @@ import { chooseFiles, megabytes } from "../actions/files";
 import { offer } from "../actions/toasts";
 import type { RecentShape } from "../protocol/messages";
 import { useParts } from "../store/use";
-import { handleCount, IconButton, titled } from "../widgets/controls";
+import { handleCount, IconButton, Rename, titled } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
 /** Endings of files that are not meshes, which the list of mesh formats leaves out. */
@@ -68,20 +68,11 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
   return (
     <li class="recent">
       {naming ? (
-        <input
-          class="rename"
-          aria-label={`New name of ${titled(name)}`}
-          defaultValue={titled(name)}
-          ref={(input) => input?.focus()}
-          onFocus={(event) => event.currentTarget.select()}
-          onBlur={(event) => {
+        <Rename
+          name={titled(name)}
+          onDone={(typed) => {
             setNaming(false);
-            const typed = event.currentTarget.value.trim();
-            if (typed && typed !== titled(name)) send({ type: "rename_kept", key, name: typed });
-          }}
-          onKeyDown={(event) => {
-            if (event.key === "Escape") event.currentTarget.value = titled(name);
-            if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
+            if (typed) send({ type: "rename_kept", key, name: typed });
           }}
         />
       ) : (

@@ -2,8 +2,11 @@ import { connect, send } from "../actions/connection";
 import { dismiss } from "../actions/toasts";
 import { ready } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, titled } from "../widgets/controls";
+import { Button, Dialog, IconButton } from "../widgets/controls";
 import { nextStep } from "./next_step";
+
+/** What the page says without a connection. */
+const LINKS: Partial<Record<string, string>> = { lost: "Reconnecting…", connecting: "Connecting", closed: "Closed" };
 
 export function StatusLine() {
   const state = useParts();
@@ -14,17 +17,7 @@ export function StatusLine() {
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
-        {link === "lost"
-          ? "Reconnecting…"
-          : link !== "open"
-            ? titled(link)
-            : opens
-              ? "Opening…"
-              : busy
-                ? "Working…"
-                : kept
-                  ? "Saved"
-                  : "Saving…"}
+        {LINKS[link] ?? (opens ? "Opening…" : busy ? "Working…" : kept ? "Saved" : "Saving…")}
       </span>
       <span class="hint" role="status">
         {nextStep(state)}
@@ -103,12 +96,9 @@ export function Ended() {
   const { ended } = useParts();
   if (ended === null) return null;
   return (
-    <div class="veil" role="alertdialog" aria-label={ended.title}>
-      <div class="dialog">
-        <h2>{ended.title}</h2>
-        <p>{ended.text}</p>
-        {ended.button && <Button text={ended.button} style="primary" onPress={connect} />}
-      </div>
-    </div>
+    <Dialog title={ended.title} role="alertdialog">
+      <p>{ended.text}</p>
+      {ended.button && <Button text={ended.button} style="primary" onPress={connect} />}
+    </Dialog>
   );
 }

@@ -74,7 +74,8 @@ export class Pointer {
     if (drawing === "box") this.stroke(event, true);
     if (drawing) store.set({ stroked: [event.clientX, event.clientY] });
     this.forget();
-    if (!drawing && !down.moved) click(this.viewer.pick(...this.at(event)), event);
+    if (!drawing && !down.moved && !this.viewer.stage.pressCompass(event))
+      click(this.viewer.pick(...this.at(event)), event);
   }
 
   private stroke(event: PointerEvent, done = false): void {

@@ -2,6 +2,7 @@
 
 import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer, WebGLRenderTarget } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { ViewHelper } from "three/addons/helpers/ViewHelper.js";
 
 import type { Vec3 } from "../posing/affine";
 import type { View } from "../store/state";
@@ -9,6 +10,9 @@ import type { View } from "../store/state";
 export const FIELD_OF_VIEW = 38;
 /** At this field of view, all rays of the picture are parallel up to less than a pixel: the view is orthographic. */
 const NARROW_FIELD = 0.1;
+
+/** Pixels from the compass to the right and lower edges of the view. The legend is below it. */
+const COMPASS = { right: 0, bottom: 32 };
 
 /** Directions from the shape to the camera. `top` and `bottom` are tilted, so that the camera has an up direction. */
 export const VIEWS: Record<View, Vec3> = {
@@ -26,6 +30,8 @@ export class Stage {
   readonly scene = new ThreeScene();
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly orbit: OrbitControls;
+  /** The axes in a corner of the view. */
+  readonly compass: ViewHelper;
   /** Called before every picture, to pose the shape. */
   draws: () => void = () => undefined;
   /** Called after every picture, for elements over the canvas. */
@@ -45,6 +51,9 @@ export class Stage {
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
     this.orbit.zoomToCursor = true;
+    this.compass = new ViewHelper(this.camera, canvas);
+    this.compass.setLabels("X", "Y", "Z");
+    Object.assign(this.compass.location, COMPASS);
     canvas.addEventListener("webglcontextrestored", () => this.invalidate());
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement ?? canvas);
     this.resize();
@@ -67,7 +76,21 @@ export class Stage {
     this.clip();
     this.draws();
     this.renderer.render(this.scene, this.camera);
+    this.renderer.autoClear = false;
+    this.compass.render(this.renderer);
+    this.renderer.autoClear = true;
     this.drawn();
+  }
+
+  /** Look along the axis of the compass that a press hits, and return whether it hits one. */
+  pressCompass(event: PointerEvent): boolean {
+    const { compass, orbit } = this;
+    compass.center.copy(orbit.target);
+    if (!compass.visible || !compass.handleClick(event)) return false;
+    compass.update(1); // the turn ends within this second
+    orbit.update();
+    this.invalidate();
+    return true;
   }
 
   /** Draw the picture with a transparent background, and return its pixels. */

@@ -100,7 +100,7 @@ export class Viewer {
   /** Draw the shape alone, call `read`, and draw everything again. */
   private bare(read: () => void): void {
     const { stage, shape } = this;
-    const helpers = [this.plane, this.gizmo.helper].filter(({ visible }) => visible);
+    const helpers = [this.plane, this.gizmo.helper, stage.compass].filter(({ visible }) => visible);
     helpers.forEach((helper) => (helper.visible = false));
     shape?.hideHeat(true);
     stage.draw();
@@ -143,6 +143,8 @@ export class Viewer {
       () => this.dress(),
     );
     store.on("orthographic", (on) => stage.setOrthographic(on));
+    store.on("narrow", (narrow) => (stage.compass.visible = !narrow));
+    stage.compass.visible = !store.get().narrow;
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
     store.on("tool", (tool) => {
       stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
@@ -257,33 +259,7 @@ export class Viewer {
 }
 
 /** Keys of the state on which the pose and the marks depend. */
-const POSED_BY = [
-  ...([
-    "edit",
-    "columns",
-    "ahead",
-    "moment",
-    "comparing",
-    "probe",
-    "painted",
-    "selected",
-    "mesh",
-    "stays",
-    "weights",
-    "look",
-  ] as const),
-  ...([
-    "isolated",
-    "hover",
-    "ladders",
-    "level",
-    "suggestions",
-    "similar",
-    "dragging",
-    "gizmo",
-    "local",
-    "snap",
-    "tool",
-    "axis",
-  ] as const),
-];
+const POSED_BY =
+  "edit columns ahead moment comparing probe painted selected mesh stays weights look isolated hover ladders level suggestions similar dragging gizmo local snap tool axis".split(
+    " ",
+  ) as (keyof State)[];

@@ -1,7 +1,7 @@
 /** Buttons, fields and menus for all panels. */
 
 import type { ComponentChildren } from "preact";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
 import { ACTIONS, toggle, type ActionName } from "../actions/actions";
@@ -196,6 +196,31 @@ export function NumberRow(props: NumberFieldProps) {
   );
 }
 
+interface RenameProps {
+  readonly name: string;
+  /** Called with the new name; with null if the user keeps the old one. */
+  readonly onDone: (name: string | null) => unknown;
+}
+
+/** A field that has the focus and a new name. Enter keeps the name, and Esc does not. */
+export function Rename({ name, onDone }: RenameProps) {
+  return (
+    <input
+      class="rename"
+      aria-label={`New name of ${name}`}
+      defaultValue={name}
+      ref={(input) => input?.focus()}
+      onFocus={(event) => event.currentTarget.select()}
+      onBlur={({ currentTarget: { value } }) => onDone(value.trim() && value.trim() !== name ? value.trim() : null)}
+      onKeyDown={(event) => {
+        if (event.key === "Escape") event.currentTarget.value = name;
+        if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
+        event.stopPropagation();
+      }}
+    />
+  );
+}
+
 const AXES = ["x", "y", "z"] as const;
 
 /** Three number fields, one per axis. */
@@ -361,6 +386,37 @@ export function Panel({ title, action, children }: PanelProps) {
       </header>
       {children}
     </section>
+  );
+}
+
+interface DialogProps extends Pick<PanelProps, "title" | "children"> {
+  readonly role?: "alertdialog";
+  readonly label?: string;
+  readonly wide?: boolean;
+  /** Called when the user closes the dialog. Without it, the dialog stays. */
+  readonly onClose?: () => unknown;
+}
+
+/** A dialog over the page. The browser keeps the focus in it, and closes it with Esc. */
+export function Dialog({ title, role, label = title, wide, onClose, children }: DialogProps) {
+  const box = useRef<HTMLDialogElement>(null);
+  useLayoutEffect(() => box.current?.showModal(), []);
+  return (
+    <dialog
+      ref={box}
+      class={wide ? "wide" : undefined}
+      role={role}
+      aria-label={label}
+      onCancel={(event) => !onClose && event.preventDefault()}
+      onClose={onClose}
+      onClick={(event) => event.target === box.current && onClose?.()}
+    >
+      <header>
+        <h2>{title}</h2>
+        {onClose && <IconButton icon="remove" label="Close" keys="Esc" onPress={onClose} />}
+      </header>
+      {children}
+    </dialog>
   );
 }
 

@@ -7,23 +7,34 @@ import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 
 import {
+<<<<<<< HEAD
+=======
+  ALIKE,
+  choose,
+>>>>>>> app
   drag,
   eventually,
   hold,
   launch,
   openTab,
+<<<<<<< HEAD
   PATIENCE,
+=======
+>>>>>>> app
   ready,
   shapeSentAgain,
   shot,
   state,
+<<<<<<< HEAD
+=======
+  test,
+>>>>>>> app
   until,
 } from "./page.mjs";
 
-const ALIKE = JSON.parse(process.env.DFD_ALIKE);
 let browser, server, url, port;
 /** A data folder of its own, so that no other test changes the kept edits. */
 const data = await mkdtemp(join(tmpdir(), "dfd-kept-"));
@@ -72,7 +83,7 @@ async function edited() {
   return { ...tab, moved: await translations(tab.page) };
 }
 
-test("the edit is there when the same address is opened again", { timeout: 3 * PATIENCE }, async () => {
+test("the edit is there when the same address is opened again", async () => {
   const first = await edited();
   assert.ok(Math.hypot(...first.moved[0]) > 0);
   await first.page.locator(".status .link", { hasText: "Saved" }).waitFor();
@@ -106,8 +117,7 @@ test("the edit is there when the same address is opened again", { timeout: 3 * P
   await third.context.close();
 
   // Closing the shape and opening another file lose nothing.
-  await second.page.getByRole("button", { name: "File" }).click();
-  await second.page.getByRole("menuitem", { name: "Close" }).click();
+  await choose(second.page, "File", "Close");
   const recent = second.page.getByRole("region", { name: "Recent" }).getByRole("button").first();
   await recent.waitFor();
   await shot(second.page, "recent");

@@ -1,12 +1,39 @@
 // Helpers of the browser tests. They read environment variables: DFD_URL, the address of the app with its token;
 // DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures; DFD_MESH and DFD_FIELD, the files of the shape.
+import assert from "node:assert/strict";
 import { mkdirSync } from "node:fs";
+import { copyFile, writeFile } from "node:fs/promises";
 import { join } from "node:path";
+import * as node from "node:test";
 import { chromium } from "playwright-core";
 
 const URL_WITH_TOKEN = process.env.DFD_URL;
 const SHOTS = process.env.DFD_SHOTS ?? "shots";
 export const PATIENCE = 60_000;
+/** Vertices of parts that look alike: the hooves. */
+export const ALIKE = JSON.parse(process.env.DFD_ALIKE ?? "[]");
+
+/** Define a test of a story. */
+export const test = (name, run) => node.test(name, { timeout: 3 * PATIENCE }, run);
+
+/**
+ * Before the tests of a file, open a tab and pass it to `take`. Unless `shape` is false, open the shape, too, and with
+ * `held`, add a handle. After the tests, the page must have reported no errors.
+ */
+export function story(take, { shape = true, held = false, ...options } = {}) {
+  let browser, tab;
+  node.before(async () => {
+    browser = await launch();
+    tab = await openTab(browser, options);
+    if (shape) await openShape(tab.page);
+    if (held) await hold(tab.page, ALIKE, 1);
+    take(tab);
+  });
+  node.after(async () => {
+    await browser?.close();
+    assert.deepEqual(tab.problems, []);
+  });
+}
 
 // SwiftShader renders on the CPU and needs no display.
 const FLAGS = [
@@ -34,6 +61,11 @@ export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
     () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
   );
   page.setDefaultTimeout(PATIENCE);
+<<<<<<< HEAD
+=======
+  // With a listener from the beginning, the browser surely passes on the first dialog that chooses files.
+  page.on("filechooser", () => undefined);
+>>>>>>> app
   const [problems, sent] = [[], []];
   page.on("websocket", (socket) => socket.on("framesent", ({ payload }) => sent.push(JSON.parse(payload).type)));
   page.on("pageerror", (error) => problems.push(error.message));
@@ -56,6 +88,8 @@ function installHook() {
     };
     return {
       store,
+      /** Send a request, and return the answer. */
+      ask,
       /** Close the connection to the server. */
       drop,
       /** Return the shader's posed positions relative to the mesh's center, and the heat, (R, 4). */
@@ -64,6 +98,19 @@ function installHook() {
         const error = stage.renderer.getContext().getError();
         if (error !== 0) throw new Error(`WebGL reports error ${error}.`);
         return found;
+      },
+      /** Return the heat of each row (R). */
+      heat() {
+        return [...this.positions().filter((_, i) => i % 4 === 3)];
+      },
+      /** Return the shown positions of all vertices, 3 V numbers in mesh units. */
+      shownVertices() {
+        const [positions, { mesh }] = [this.positions(), store.get()];
+        const posed = Array.from({ length: 3 * mesh.vertices }, () => 0);
+        this.vertices().forEach((vertex, row) => {
+          for (let i = 0; i < 3; i++) posed[3 * vertex + i] = positions[4 * row + i] + mesh.center[i];
+        });
+        return posed;
       },
       /** Return the positions at rest (V, 3), relative to the mesh's center. */
       rest() {
@@ -77,6 +124,12 @@ function installHook() {
         const received = await ask({ type: "compute" });
         if (!received) throw new Error("The server computed nothing.");
         return received.payload.get("positions", "F32");
+      },
+      /** Return the vertices that would follow the selected handle with other controls, (N). */
+      async following(controls) {
+        const received = await ask({ type: "preview", handle: store.get().selected, controls });
+        const weights = received?.payload.get("values", "U16") ?? [];
+        return [...weights.keys()].filter((vertex) => weights[vertex] >= 32768);
       },
       /** Return the vertex of each row (R). */
       vertices: () => shown().vertexOf,
@@ -199,6 +252,7 @@ export async function open(page, files) {
 export async function openShape(page) {
   await open(page, [process.env.DFD_MESH, process.env.DFD_FIELD]);
   await ready(page);
+  await until(page, (s) => s.edit.field.parts.length > 0);
 }
 
 /** Call `work`, and wait until the server has sent the shape again, as it does after every new connection. */
@@ -211,6 +265,29 @@ export async function shapeSentAgain(page, work) {
 /** Wait until handles can be added. */
 export async function ready(page) {
   await until(page, (s) => s.edit?.field.status === "ready");
+}
+
+/** Choose an item of a menu. */
+export async function choose(page, menu, item) {
+  await page.getByRole("button", { name: menu }).click();
+  await page.getByRole("menuitem", { name: item }).click();
+}
+
+/** Export in a format, check the name of the file, and keep the file under the name `kept` for the checks in Python. */
+export async function exportFile(page, format, name, kept = name) {
+  const [download] = await Promise.all([
+    page.waitForEvent("download"),
+    choose(page, "Export", new RegExp(`^${format}`)),
+  ]);
+  assert.equal(download.suggestedFilename(), name);
+  await page.getByText(`${name} is saved`).waitFor();
+  await copyFile(await download.path(), join(process.env.DFD_OUT, kept));
+}
+
+/** Write the shown positions for the checks in Python. */
+export async function writeShown(page, name) {
+  const shown = await page.evaluate(() => window.dfd.shownVertices());
+  await writeFile(join(process.env.DFD_OUT, name), JSON.stringify(shown));
 }
 
 /** Start to learn the features, unless they are cached or already being learned. */

@@ -1,5 +1,6 @@
 // The part that a handle holds: hold it, resize it, add or remove parts, and limit the motion to it.
 import assert from "node:assert/strict";
+<<<<<<< HEAD
 import { after, before, test } from "node:test";
 import { eventually, hold, launch, openShape, openTab, shot, state, until, visibleVertex } from "./page.mjs";
 
@@ -11,7 +12,12 @@ before(async () => {
   await until(page, (s) => s.edit.field.parts.length > 0);
 });
 after(() => browser.close());
+=======
+import { ALIKE, eventually, hold, shot, state, story, test, until, visibleVertex } from "./page.mjs";
+>>>>>>> app
 
+let page;
+story((tab) => ({ page } = tab));
 /** Click at a pixel while a key is down. */
 async function click(at, key) {
   await page.keyboard.down(key);
@@ -24,7 +30,7 @@ const level = () => state(page, (s) => s.edit.handles[0].level);
 const region = () => state(page, (s) => s.edit.handles[0].region);
 
 test("a held part is resized, combined with others, and moved alone", async (t) => {
-  const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
+  const vertex = await hold(page, ALIKE, 1);
 
   await t.test("the handle holds a larger part, then the smaller part again", async () => {
     await page.keyboard.press("]");
@@ -115,6 +121,5 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await until(page, (s) => s.edit.handles[0].reach_by === "part");
     await by("Number").click();
     await until(page, (s) => s.edit.handles[0].reach_by === "number");
-    assert.deepEqual(problems, []);
   });
 });

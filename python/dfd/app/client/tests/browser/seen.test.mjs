@@ -1,41 +1,42 @@
 // Bends, the timeline and its exports, the pivot, the X-ray and isolate modes, and the box tool.
 import assert from "node:assert/strict";
-import { copyFile, writeFile } from "node:fs/promises";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
 
 import {
   drawn,
   eventually,
+<<<<<<< HEAD
   hold,
   launch,
   openShape,
   openTab,
   PATIENCE,
+=======
+  exportFile,
+>>>>>>> app
   pull,
   shaderError,
   shot,
   state,
   still,
+<<<<<<< HEAD
   until,
+=======
+  story,
+  test,
+  until,
+  writeShown,
+>>>>>>> app
 } from "./page.mjs";
 
-let browser, page, problems, vertex;
+let page;
 
-before(async () => {
-  browser = await launch();
-  ({ page, problems } = await openTab(browser, { viewport: { width: 800, height: 600 } }));
-  await openShape(page);
-  vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
-});
-
-after(() => browser?.close());
+story((tab) => ({ page } = tab), { held: true, viewport: { width: 800, height: 600 } });
 
 /** Wait until the canvas shows the state that the server confirmed. */
 const settled = () => until(page, (s) => s.ahead.size === 0 && window.dfd.rests());
 const handle = () => state(page, (s) => s.edit.handles[0]);
 
-test("rarely used settings are hidden, and the page remembers when they are shown", { timeout: PATIENCE }, async () => {
+test("rarely used settings are hidden, and the page remembers when they are shown", async () => {
   const strength = page.getByLabel("Strength", { exact: true });
   await page.evaluate(() => window.dfd.store.set({ more: false }));
   await strength.waitFor({ state: "detached" });
@@ -46,7 +47,7 @@ test("rarely used settings are hidden, and the page remembers when they are show
   await page.evaluate(() => window.dfd.store.set({ more: false }));
 });
 
-test("a drag of the tip bends the held part as the kernel does", { timeout: PATIENCE }, async () => {
+test("a drag of the tip bends the held part as the kernel does", async () => {
   await page.keyboard.press("d");
   await until(page, (s) => s.axis?.bends && window.dfd.rests());
   const at = await page.evaluate(() => {
@@ -74,7 +75,7 @@ test("a drag of the tip bends the held part as the kernel does", { timeout: PATI
   await until(page, (s) => s.edit.handles[0].twist === 20);
 });
 
-test("a moment of the timeline is exported as the page shows it, half bent", { timeout: 2 * PATIENCE }, async () => {
+test("a moment of the timeline is exported as the page shows it, half bent", async () => {
   await page.keyboard.press("t");
   await page.keyboard.press("k");
   await until(page, (s) => s.edit.poses.length === 1);
@@ -87,6 +88,7 @@ test("a moment of the timeline is exported as the page shows it, half bent", { t
   // The edit is at rest, so the server computes a pose only for this moment.
   await until(page, (s) => s.posed !== null);
   await shot(page, "moment");
+<<<<<<< HEAD
   const seen = await page.evaluate(() => {
     const positions = window.dfd.positions();
     const { mesh } = window.dfd.store.get();
@@ -110,8 +112,13 @@ test("a moment of the timeline is exported as the page shows it, half bent", { t
     await page.getByText(`${name} is saved`).waitFor();
     await copyFile(await download.path(), join(folder, name.replace("edited", "moment")));
   }
+=======
+  await writeShown(page, "moment.json");
+  await exportFile(page, "GLB", "quadruped_edited.glb", "quadruped_moment.glb");
+  await exportFile(page, "Rig", "quadruped_rig.glb");
+  await exportFile(page, "Weights", "quadruped_weights.npz");
+>>>>>>> app
   await page.evaluate(() => window.dfd.store.set({ toasts: [] }));
-  await writeFile(join(folder, "moment.json"), JSON.stringify(seen));
   assert.ok(Math.hypot(...bend) > 2);
   assert.equal((await handle()).moved, false, "the timeline must not change the edit");
   await page.locator("body").click({ position: { x: 400, y: 20 } });
@@ -123,7 +130,7 @@ test("a moment of the timeline is exported as the page shows it, half bent", { t
   await page.keyboard.press("t");
 });
 
-test("a handle turns about the automatic pivot, or about the chosen pivot", { timeout: PATIENCE }, async () => {
+test("a handle turns about the automatic pivot, or about the chosen pivot", async () => {
   await page.keyboard.press("e");
   await page.evaluate(() => window.dfd.store.set({ more: true }));
   await until(page, (s) => s.axis?.handle === s.selected);
@@ -139,7 +146,7 @@ test("a handle turns about the automatic pivot, or about the chosen pivot", { ti
   await until(page, (s) => !s.edit.handles[0].moved);
 });
 
-test("X-ray makes the shape transparent, and isolate shows only the held part", { timeout: PATIENCE }, async () => {
+test("X-ray makes the shape transparent, and isolate shows only the held part", async () => {
   await page.mouse.move(400, 590);
   await settled();
   const whole = await drawn(page);
@@ -160,6 +167,7 @@ test("X-ray makes the shape transparent, and isolate shows only the held part", 
   await until(page, (s) => !s.isolated && s.selected !== null);
 });
 
+<<<<<<< HEAD
 test(
   "a box selects the visible vertices in it, and with X-ray also the hidden vertices",
   { timeout: PATIENCE },
@@ -198,4 +206,35 @@ test(
 test("the page reported no errors", () => {
   assert.ok(Number.isInteger(vertex));
   assert.deepEqual(problems, []);
+=======
+test("a box selects the visible vertices in it, and with X-ray also the hidden vertices", async () => {
+  await still(page);
+  const canvas = await page.locator("canvas").first().boundingBox();
+  const draw = async () => {
+    await page.mouse.move(canvas.x + 0.3 * canvas.width, canvas.y + 0.2 * canvas.height);
+    await page.mouse.down();
+    await page.mouse.move(canvas.x + 0.5 * canvas.width, canvas.y + 0.5 * canvas.height);
+    await page.mouse.move(canvas.x + 0.6 * canvas.width, canvas.y + 0.6 * canvas.height);
+    await page.waitForTimeout(50);
+    await shot(page, "box");
+    await page.mouse.up();
+    await until(page, (s) => s.painted !== null);
+    const { count } = await state(page, (s) => ({ count: s.painted.count }));
+    return count;
+  };
+  await page.keyboard.press("m");
+  const seen = await draw();
+  await page.mouse.move(4, 300);
+  await settled();
+  await shot(page, "boxed");
+  await page.keyboard.press("Escape");
+  await until(page, (s) => s.painted === null && s.tool === "hold");
+  await page.keyboard.press("v");
+  await page.keyboard.press("m");
+  const through = await draw();
+  assert.ok(seen > 20 && through > 1.3 * seen, `${seen} of ${through}`);
+  await page.getByRole("button", { name: "Fix", exact: true }).click();
+  await until(page, (s, count) => s.edit.fixed[0]?.region === count, through);
+  await page.keyboard.press("v");
+>>>>>>> app
 });

@@ -1,7 +1,7 @@
 // The start page: kept edits have pictures, and are renamed, copied, deleted and restored; samples begin anew.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
 
+<<<<<<< HEAD
 import { drag, eventually, hold, launch, openTab, PATIENCE, ready, shot, state, until } from "./page.mjs";
 
 let browser, page, problems, sent;
@@ -12,13 +12,19 @@ before(async () => {
 });
 
 after(() => browser?.close());
+=======
+import { choose, drag, eventually, hold, ready, shot, state, story, test, until } from "./page.mjs";
+
+let page, sent;
+
+story((tab) => ({ page, sent } = tab), { shape: false });
+>>>>>>> app
 
 const recent = () => page.getByRole("region", { name: "Recent" }).getByRole("listitem");
 const sample = () => page.getByRole("region", { name: "Samples" }).getByRole("button", { name: "Chair" }).click();
 
 async function close() {
-  await page.getByRole("button", { name: "File" }).click();
-  await page.getByRole("menuitem", { name: "Close" }).click();
+  await choose(page, "File", "Close");
   await until(page, (s) => s.page === "start");
 }
 
@@ -28,7 +34,7 @@ async function openChair() {
   await ready(page);
 }
 
-test("an edit of a sample is kept with a picture, and the sample begins anew", { timeout: 3 * PATIENCE }, async () => {
+test("an edit of a sample is kept with a picture, and the sample begins anew", async () => {
   await openChair();
   await hold(page, null, 1);
   await drag(page, [0, -50], -40);
@@ -52,7 +58,7 @@ test("an edit of a sample is kept with a picture, and the sample begins anew", {
   await close();
 });
 
-test("kept edits are renamed, copied, deleted and restored", { timeout: 2 * PATIENCE }, async () => {
+test("kept edits are renamed, copied, deleted and restored", async () => {
   await page.getByRole("button", { name: "Rename Chair" }).click();
   await page.locator("input:focus").waitFor();
   await page.keyboard.type("Throne");
@@ -67,19 +73,21 @@ test("kept edits are renamed, copied, deleted and restored", { timeout: 2 * PATI
   await eventually(async () => assert.equal(await recent().count(), 2));
 });
 
-test("starting fresh keeps the edit and can be undone", { timeout: 2 * PATIENCE }, async () => {
+test("starting fresh keeps the edit and can be undone", async () => {
   await recent().first().locator(".opens").click();
   await until(page, (s) => s.edit?.handles.length === 1);
   await ready(page);
-  await page.getByRole("button", { name: "File" }).click();
-  await page.getByRole("menuitem", { name: "Start fresh" }).click();
+  await choose(page, "File", "Start fresh");
   await until(page, (s) => s.edit.handles.length === 0);
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.handles.length === 1);
   await close();
   await eventually(async () => assert.equal(await recent().count(), 3));
+<<<<<<< HEAD
 });
 
 test("the page reported no errors", () => {
   assert.deepEqual(problems, []);
+=======
+>>>>>>> app
 });

@@ -1,21 +1,13 @@
 // Touch input on a phone: one finger orbits, a tap grabs, and one bar with a menu and a sheet has everything else.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { before } from "node:test";
 
-import { eventually, launch, openShape, openTab, PATIENCE, shot, state, still, until, visibleVertex } from "./page.mjs";
+import { eventually, shot, state, still, story, test, until, visibleVertex } from "./page.mjs";
 
-let browser, page, problems, fingers;
+let page, fingers;
 
-before(async () => {
-  browser = await launch();
-  const options = { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true };
-  const opened = await openTab(browser, options);
-  ({ page, problems } = opened);
-  fingers = await opened.context.newCDPSession(page);
-  await openShape(page);
-});
-
-after(() => browser?.close());
+story((tab) => ({ page } = tab), { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true });
+before(async () => (fingers = await page.context().newCDPSession(page)));
 
 /** Move one finger from the pixel `from` by (x, y) pixels. */
 async function swipe(from, [x, y]) {
@@ -29,14 +21,14 @@ async function swipe(from, [x, y]) {
 const project = (vertex) => page.evaluate((wanted) => window.dfd.project(wanted), vertex);
 const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
-test("one finger orbits, and adds no handle", { timeout: PATIENCE }, async () => {
+test("one finger orbits, and adds no handle", async () => {
   const { vertex, at } = await visibleVertex(page);
   await swipe(at, [80, 20]);
   await eventually(async () => assert.ok(apart(await project(vertex), at) > 10, "the shape did not turn"));
   assert.equal(await state(page, (s) => s.edit.handles.length), 0);
 });
 
-test("a tap adds a handle", { timeout: PATIENCE }, async () => {
+test("a tap adds a handle", async () => {
   const { vertex, at } = await visibleVertex(page);
   await page.touchscreen.tap(...at);
   await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
@@ -50,7 +42,7 @@ test("a tap adds a handle", { timeout: PATIENCE }, async () => {
   await shot(page, "touch");
 });
 
-test("a finger on the gizmo moves the handle, not the camera", { timeout: PATIENCE }, async () => {
+test("a finger on the gizmo moves the handle, not the camera", async () => {
   const held = await state(page, (s) => s.edit.handles[0].vertex);
   await still(page);
   const [x, y] = await project(held);
@@ -82,7 +74,7 @@ async function assertLarge(selector) {
   assert.deepEqual(small, []);
 }
 
-test("the menu has all actions, and the inspector is a sheet below the shape", { timeout: PATIENCE }, async () => {
+test("the menu has all actions, and the inspector is a sheet below the shape", async () => {
   await assertApart();
   assert.equal(await page.locator(".toolbar").count(), 0);
   await page.waitForTimeout(500); // a second tap within 300 ms would be a double tap
@@ -124,8 +116,4 @@ test("the menu has all actions, and the inspector is a sheet below the shape", {
     assert.ok(line.y + line.height <= moved.y + 1, "the timeline covers the sheet");
   });
   await shot(page, "phone_timeline");
-});
-
-test("the page reported no errors", () => {
-  assert.deepEqual(problems, []);
 });

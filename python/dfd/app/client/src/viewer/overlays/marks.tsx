@@ -16,16 +16,8 @@ type Project = (point: Vec3) => readonly [number, number] | null;
 
 interface Mark {
   readonly key: string;
-  readonly kind:
-    | "handle"
-    | "handle selected"
-    | "fixed"
-    | "counterpart"
-    | "counterpart off"
-    | "suggestion"
-    | "hover"
-    | "ring"
-    | "ring hot";
+  /** The classes of the mark in the style sheet. */
+  readonly kind: string;
   readonly at: Vec3;
   readonly label: string;
   /** Words that are shown beside the mark. */
