@@ -241,8 +241,8 @@ FIGURES: dict[str, Figure] = {
         [
             low(
                 "what looks like the fixed point stays",
-                "motion of similar vertices, fixed / free",
-                of_variants("similar vertices move %", controls.FIXED, controls.FREE, 0.5),
+                "motion of similar places, fixed / free",
+                of_variants("similar places move %", controls.FIXED, controls.FREE, 0.5),
                 0.2,
             )
         ],

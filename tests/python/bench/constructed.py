@@ -27,7 +27,10 @@ EDGE = 0.16  # longest edge of the table's faces; the table is 1 high
 FEET = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.5, 1.0, 0.5), (0.3, 1.0, 0.7))
 FOOT = BoxHandle((0.0, 0.0, 0.0), (0.0, -0.15, 0.0), like=FEET, unlike=TOP)
-TURN = replace(FOOT, offset=(0.0, 0.0, 0.0), rotation=(0, 0, 20), pivot=(0.1, 0.9, 0.1), fixed=((0.0, 0.4, 0.0),))
+SHINS = tuple((x, 0.4, z) for x, _, z in FEET)
+TURN = replace(
+    FOOT, offset=(0.0,) * 3, rotation=(0, 0, 20), pivot=(0.1, 0.9, 0.1), fixed=((0.0, 0.4, 0.0),), stays=SHINS
+)
 LEGS = replace(FOOT, like=tuple((x, 0.1, z) for x, _, z in FEET))
 
 
