@@ -1,6 +1,6 @@
 """Pages that compare DFD with other methods: Fig. 8, 9, 14 to 16, 21 and 22. `JOBS` lists them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ from bench.paper.page import Page, Pictures, Row, aim
 from bench.paper.subjects import CASES, NAMES, PRESETS, BoxHandle, Context, Shape, Subject, agreement, pulls_of
 from bench.peers import PEERS
 from bench.peers.peer import Job, PeerError, run
+from bench.tables import to_markdown
 from dfd.common.errors import one_line
 from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
@@ -184,6 +185,7 @@ def held_by_many(case: Case) -> Case:
     return Case(case.shape, np.append(own, fixed), targets, marks=case.marks)
 
 
+LABELS = ("shape", "method", "variant", "note")
 Variants = Mapping[str, tuple[Callable[[Case], Case], float]]  # for each name: a change of the case, and the ball
 
 
@@ -227,7 +229,21 @@ class Comparison:
                     rows.append(row)
                 name, found = drawn(context, case, results, weights=self.weights)
                 pictures.append((f"{name}, {variant}" if variant else name, found))
-        return Page(f"{self.text}\n\n{LEGEND}".lstrip(), pictures, rows)
+        return Page(f"{self.text}\n\n{LEGEND}\n\n{medians(rows)}".lstrip(), pictures, rows)
+
+
+def medians(rows: Sequence[Row]) -> str:
+    """Return a table: the median magnitude of each measure over shapes, for each method and variant."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["method"], row.get("variant", "")), []).append(row)
+    measures, cells = list(dict.fromkeys(key for row in rows for key in row if key not in LABELS)), []
+    for group, own in groups.items():
+        drawn = [row for row in own if not row["note"]]
+        found = ([abs(row[each]) for row in drawn if row.get(each) is not None] for each in measures)
+        cells.append([*group, len(drawn), *(float(np.median(each)) if each else None for each in found)])
+    table = to_markdown(["method", "variant", "shapes", *measures], cells)
+    return f"Median magnitudes over the shapes on which a method gives a result:\n\n{table}"
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:

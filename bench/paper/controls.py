@@ -10,15 +10,9 @@ import dfd
 from bench.paper.distortion import surface_metrics
 from bench.paper.page import Page, Row, following, gallery
 from bench.paper.subjects import CASES, MIRRORED, Context, Subject, pulls_of
-from bench.quality.measures import area_fractions
-from dfd.common.linear_algebra import Bool
 from dfd.editing.presets import PRESETS as DEFAULTS
 
 FREE, FIXED = "free", "fixed"
-# Similar vertices are those of the SIMILAR of the area, about that of a foot, with the features nearest to the fixed
-# point's that are nearer to these than to the handle's. They are at least APART × the diagonal away from the point.
-SIMILAR, APART = 0.02, 0.15
-
 LOCALITIES = (0, 2, 8, 32)
 
 SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
@@ -97,36 +91,16 @@ def fig6(context: Context) -> Page:
         return [subject.shape.at(point) for point in subject.case.fixed]
 
     def moved(subject: Subject, session: dfd.Deformer, _: dfd.Deformer) -> Row:
-        mesh = subject.shape.mesh
-        lengths = 100 * np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
-        similar = similar_to(subject, held(subject)[0])
-        return {"similar vertices move %": float(lengths[similar].mean()) if similar.any() else None}
+        alike = list(map(subject.shape.at, subject.case.stays))
+        lengths = np.linalg.norm((session.vertices - subject.shape.mesh.vertices)[alike], axis=1)
+        return {"similar places move %": 100 * float(lengths.mean()) / subject.shape.mesh.diagonal}
 
-    text = (
-        "The table has the mean motion of similar vertices, in % of the diagonal. Similar vertices are those of the "
-        f"{SIMILAR:.0%} of the area whose features, before any constraint, are nearest to the fixed point's, and "
-        f"nearer to these than to the handle's. They lie at least {APART:.0%} of the diagonal away from the point."
-    )
     return gallery(
         context.subjects(CASES["twists"], (2, 3)),
         lambda subject: {FREE: subject.pull(), FIXED: subject.pull(fixed=held(subject))},
         moved,
-        text,
+        "similar places move: mean motion of marked places that look like the fixed point, in % of the diagonal.",
     )
-
-
-def similar_to(subject: Subject, vertex: int) -> Bool:
-    """Return the mask (V,) of the vertices that look like `vertex`, see `SIMILAR`."""
-    mesh = subject.shape.mesh
-    features = subject.field.features(mesh)
-    off, off_handle = (
-        np.linalg.norm(features - features[at], axis=1) for at in (vertex, subject.case.on(subject.shape)["at"])
-    )
-    apart = np.linalg.norm(mesh.vertices - mesh.vertices[vertex], axis=1) >= APART * mesh.diagonal
-    order = np.flatnonzero(apart)[off[apart].argsort(kind="stable")]
-    nearest = np.zeros(len(off), bool)
-    nearest[order[area_fractions(mesh)[order].cumsum() <= SIMILAR]] = True
-    return nearest & (off < off_handle)
 
 
 def fig7(context: Context) -> Page:

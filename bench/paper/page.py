@@ -103,8 +103,8 @@ class Claim:
 
     @property
     def bound(self) -> str:
-        """Return the bound in words."""
-        return f"at least {self.least:g}" if np.isfinite(self.least) else f"at most {self.most:g}"
+        """Return the bound as text."""
+        return f"≥ {self.least:g}" if np.isfinite(self.least) else f"≤ {self.most:g}"
 
     def judged(self, rows: Sequence[Row], own: str) -> tuple[float, str]:
         """Return the number of the method `own`, and the verdict: yes, no, or not decided.

@@ -73,6 +73,7 @@ class BoxHandle:
     locality: float = 0.0
     pivot: Point | None = None
     fixed: tuple[Point, ...] = ()
+    stays: tuple[Point, ...] = ()  # marked places that look like the fixed point
     azimuth: float | None = None  # azimuth of the camera, in degrees, see `dfd.pictures.picture`
     # Marked places, chosen by eye: on parts that look like the handle's part, and on parts that do not.
     like: tuple[Point, ...] = ()

@@ -1,7 +1,7 @@
 """Make a small table, fields that are random or true on it, and the contexts of pages that use them.
 
-On the table, the true feature depends on the height alone. So four feet look alike and the top does not, and a foot's
-weight falls from 1 at the ground to 0 at the top.
+Four posts stand on the table, which have the shape of its legs. The true feature depends on the height alone. So four
+feet look alike, and the posts do not. A foot's weight falls from 1 at the ground to 0 at the top.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from bench.paper.subjects import BoxHandle, Context, Shape
 from dfd.geometry.normalization import normalization
 
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]  # maps positions in the unit box (N, 3) to rows (N, D)
-EDGE = 0.16  # longest edge of the table's faces; the table is 1 high
+EDGE = 0.16  # longest edge of the table's faces; the table is 1.9 high
 
 FEET = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
-TOP = ((0.5, 1.0, 0.5), (0.3, 1.0, 0.7))
-FOOT = BoxHandle((0.0, 0.0, 0.0), (0.0, -0.15, 0.0), like=FEET, unlike=TOP)
-TURN = replace(FOOT, offset=(0.0, 0.0, 0.0), rotation=(0, 0, 20), pivot=(0.1, 0.9, 0.1), fixed=((0.0, 0.4, 0.0),))
-LEGS = replace(FOOT, like=tuple((x, 0.1, z) for x, _, z in FEET))
+SHINS, POSTS = (tuple((x, height, z) for x, _, z in FEET) for height in (0.2, 1.0))
+FOOT = BoxHandle((0.0, 0.0, 0.0), (0.0, -0.1, 0.0), like=FEET, unlike=((0.5, 0.53, 0.5), *POSTS))
+TURN = replace(FOOT, offset=(0.0,) * 3, rotation=(0, 0, 20), pivot=(0.1, 0.45, 0.1), fixed=((0, 0.2, 0),), stays=SHINS)
+LEGS = replace(FOOT, like=tuple((x, 0.05, z) for x, _, z in FEET))
 
 
 @cache
 def table(width: float = 1.0) -> dfd.Mesh:
-    """Return a table of five touching boxes: a top and four legs."""
+    """Return a table of nine touching boxes: a top, four legs below and four posts above."""
     top = trimesh.creation.box((width, 0.1, 1.0)).apply_translation((0, 0.95, 0))
-    legs = [
-        trimesh.creation.box((0.12, 0.899, 0.12)).apply_translation((x * (width / 2 - 0.06), 0.4495, z * 0.44))
-        for x, z in product((-1, 1), repeat=2)
+    posts = [
+        trimesh.creation.box((0.12, 0.899, 0.12)).apply_translation((x * (width / 2 - 0.06), 0.95 + y, z * 0.44))
+        for x, y, z in product((-1, 1), (-0.5005, 0.5005), (-1, 1))
     ]
-    whole = trimesh.util.concatenate([each.subdivide_to_size(EDGE) for each in (top, *legs)])
+    whole = trimesh.util.concatenate([each.subdivide_to_size(EDGE) for each in (top, *posts)])
     whole.merge_vertices()
     return dfd.Mesh(whole.vertices, whole.faces)
 
 
 def true(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows on a circle: the angle is 0° at the ground, 60° at the bottom of the top, and 90° above."""
-    angle = np.radians(np.interp(places[:, 1], [0.0, 0.9, 1.0], [0.0, 60.0, 90.0]))
+    """Return rows on a circle: the angle is 0° at the ground, 60° and 90° on both sides of the top, and 150° above."""
+    angle = np.radians(np.interp(places[:, 1], [0.0, 0.47, 0.53, 1.0], [0.0, 60.0, 90.0, 150.0]))
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 

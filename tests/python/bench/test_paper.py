@@ -124,7 +124,7 @@ def test_recorded_verdicts_follow_from_the_recorded_numbers():
     for name, _, measured, _, *cells in recorded():
         [claim] = [each for each in FIGURES[name.strip("`")].claims if each.measured == measured]
         for cell in cells:
-            assert re.fullmatch(r"–|not run here|not decided|[\d.e+-]+: (yes|no[^*]*)\*?", cell), cell
+            assert re.fullmatch(r"–|not decided|[\d.e+-]+: (yes|no[^*]*)\*?", cell), cell
             number, _, verdict = cell.rstrip("*").partition(": ")
             if verdict:
                 decided += 1
@@ -171,13 +171,6 @@ def test_distortions_are_compared_on_the_shapes_on_which_a_method_works() -> Non
         for method, value in values.items()
     ]
     assert against("volume %", "ARAP")(rows, NAMES["paper"]) == 2
-
-
-@pytest.mark.parametrize(("count", "paper"), [(1, 1150), (10, 946), (100, 641)])
-def test_the_numbers_of_the_paper_are_within_our_bound(count: int, paper: float) -> None:
-    [claim] = [each for each in FIGURES["table3"].claims if each.paper.startswith(f"{paper:,} times")]
-    assert f"{count} handle" in claim.measured
-    assert claim.least <= paper <= claim.most
 
 
 def test_marked_places_lie_on_different_parts():

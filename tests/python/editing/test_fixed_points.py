@@ -41,12 +41,13 @@ def test_a_fixed_point_on_a_counterpart_keeps_it_and_no_other(animal, strength):
     assert session.report().handles[0].arrived
 
 
-def test_counterparts_that_look_like_the_fixed_point_stay_too(animal):
+@pytest.mark.parametrize("place", [BEHIND, "0.115,0.2,-0.29"])
+def test_counterparts_that_look_like_the_fixed_leg_stay_too(animal, place):
     """The two legs behind look more like each other than like those in front."""
     _, fresh, hooves = animal
     session = fresh()
     session.add(FRONT, translation=(0, -0.2, 0))
-    session.fix(BEHIND)
+    session.fix(place)
     held = moved(session)
     assert held[np.concatenate([hooves[0, 0], hooves[1, 0]])].max() < 1e-6
     assert held[np.concatenate([hooves[0, 1], hooves[1, 1]])].min() > 0.19

@@ -1,8 +1,9 @@
 """Compute how fixed points lower the weights of a handle that moves a part.
 
 A fixed point on a counterpart of the handle's component keeps this counterpart, and those counterparts that look more
-like the fixed point than like the handle. A fixed point on the handle's own component divides the component with the
-handle: the weights are inverse to the squared distances. It divides each counterpart at the corresponding place.
+like it than like the handle, at corresponding places. A fixed point on the handle's own component divides the component
+with the handle: the weights are inverse to the squared distances. It divides each counterpart at the corresponding
+place.
 """
 
 from collections.abc import Callable
@@ -34,7 +35,7 @@ def kept_by_fixed_points(
         if (where == 0).any():
             dividing.append((_positions(rows, points, fixed.place), fixed.strength))
         elif (where > 0).any():
-            theirs = rows.of([fixed.place])
+            theirs = np.concatenate([looks[k] for k in np.unique(where[where > 0])])
             for k in range(1, len(still)):
                 if (where == k).any() or _apart(looks[k], theirs) < _apart(looks[k], own):
                     still[k] *= 1.0 - fixed.strength
