@@ -67,11 +67,11 @@ HARMLESS: dict[str, tuple[str, ...]] = {
     "editing/blend.py": ("or 2.0",),
     "editing/deformer.py": ("merge, rebinds=True)", "(poses)), rebinds=True)"),
     "editing/edit_file.py": ("if len(shown) <=",),
-    "editing/influence/counterparts.py": ("component.max() + 3", "~nodes.used] = 2.0"),
-    "editing/influence/fill.py": ("largest = 5",),
-    "editing/influence/handle_weights.py": ("if len(moving) > 1",),
-    "editing/influence/hold.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True", "0.002 * deviation"),
-    "editing/influence/mirror_images.py": ("SAMPLES =", "ROUNDS ="),
+    "editing/weights/counterparts.py": ("component.max() + 3", "~nodes.used] = 2.0"),
+    "editing/weights/fill.py": ("largest = 5",),
+    "editing/weights/session_weights.py": ("if len(moving) > 1",),
+    "editing/weights/held_part.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True", "0.002 * deviation"),
+    "symmetry/pair.py": ("SAMPLES =", "ROUNDS ="),
     "editing/transfer.py": ("SAMPLE =", "np.clip(cosines, 0.0, 2.0)"),
 }
 

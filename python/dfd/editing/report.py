@@ -8,7 +8,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float64, Int32
 from dfd.editing.blend import blend_of, carried
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.geometry.topology import face_sides
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
@@ -111,7 +111,7 @@ def _percent(share: float) -> str:
     return "less than 1 %" if 0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
-def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
+def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> Report:
     """Return the report of `edit` on `mesh`. `posed` (V, 3) are the vertices after the edit."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     visible = VISIBLE * mesh.diagonal
@@ -159,7 +159,7 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     )
 
 
-def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
+def _part(edit: Edit, handle: Handle, weights: SessionWeights) -> dict[str, Any]:
     """Return the fields of `HandleReport` that describe the part of a handle; none if it moves no part."""
     if handle.controls.reach != "part":
         return {}

@@ -8,9 +8,9 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.fill import Band, bands_of, fill
-from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.plan import Column
+from dfd.editing.weights.fill import Band, bands_of, fill
+from dfd.editing.weights.session_weights import SessionWeights
+from dfd.editing.weights.several_handles import Column
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
 
@@ -23,7 +23,7 @@ class PosedShape:
     """
 
     def __init__(
-        self, mesh: Mesh, weights: HandleWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
+        self, mesh: Mesh, weights: SessionWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
     ) -> None:
         """Store the arguments. `columns` are weights (V, C) and their columns for all edits, as those of a skin.
 
@@ -111,7 +111,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Return the indices of the handles whose transforms differ; None if the edits differ in anything else."""
     if len(before.handles) != len(after.handles) or _without_handles(before) != _without_handles(after):
         return None
-    if HandleWeights.allocating(before) != HandleWeights.allocating(after):
+    if SessionWeights.allocating(before) != SessionWeights.allocating(after):
         return None  # a leg or another component of a part may now follow another handle
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):

@@ -8,7 +8,7 @@ from prepared import sessions_on
 
 import dfd
 from dfd.editing import shape
-from dfd.editing.influence import feature_weights
+from dfd.editing.weights import by_features
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +53,7 @@ def bound():
         counts.append(len(handles))
         return dfd.bind(features, handles, **options)
 
-    with mock.patch.object(feature_weights, "bind", counted):
+    with mock.patch.object(by_features, "bind", counted):
         yield counts
 
 

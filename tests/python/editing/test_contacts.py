@@ -6,8 +6,8 @@ from made_field import field_of
 from made_tube import straight, tube
 
 import dfd
-from dfd.editing.influence.contacts import Contact, attachments, with_hanging
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights.contacts import Contact, attachments, with_hanging
+from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
 

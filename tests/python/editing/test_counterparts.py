@@ -10,9 +10,9 @@ import trimesh
 from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing.influence import counterparts
-from dfd.editing.influence.counterparts import find_counterparts, shares_everywhere
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights import counterparts
+from dfd.editing.weights.counterparts import find_counterparts, shares_everywhere
+from dfd.editing.weights.held_part import hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform

@@ -10,8 +10,8 @@ from made_field import field_of
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
-from dfd.editing.influence.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
-from dfd.editing.influence.hold import BEYOND, INSIDE, hold
+from dfd.editing.weights.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, hold
 from dfd.editing.report import largest_stretch
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import vertex_areas

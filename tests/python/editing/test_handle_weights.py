@@ -12,7 +12,7 @@ from made_field import made_field
 import dfd
 from dfd.editing import shape
 from dfd.editing.edit import Edit
-from dfd.editing.influence import handle_features
+from dfd.editing.weights import handle_features
 from dfd.field.field import Field
 
 ONE_PIVOT = {"reach": 1.0, "falloff": "linear", "counterparts": "shared_pivot"}

@@ -8,9 +8,9 @@ from made_field import field_of
 
 import dfd
 from dfd.editing.controls import Controls
-from dfd.editing.influence import handle_weights, hold
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.fill import band_at_rest
+from dfd.editing.weights import held_part, session_weights
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import band_at_rest
 from dfd.export.rig import rig_of
 from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts
@@ -48,8 +48,8 @@ def asked(sample, mesh, monkeypatch):
         return found
 
     monkeypatch.setattr(Parts, "components", components)
-    monkeypatch.setattr(hold, "find_counterparts", labelled)
-    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: [PLANE])
+    monkeypatch.setattr(held_part, "find_counterparts", labelled)
+    monkeypatch.setattr(session_weights, "symmetry_planes", lambda *_: [PLANE])
     return calls
 
 

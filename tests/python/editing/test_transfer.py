@@ -5,7 +5,7 @@ import pytest
 from made_field import field_of, made_field
 
 import dfd
-from dfd.editing.influence import handle_features
+from dfd.editing.weights import handle_features
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import EditTransfer, transfer
 from dfd.field.field import FieldOnMesh

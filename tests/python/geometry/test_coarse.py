@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights.held_part import hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph

@@ -11,7 +11,7 @@ from dfd.app.protocol.messages import LadderStep, PartChange
 from dfd.common.linear_algebra import Bool
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
-from dfd.editing.influence.recent import Recent
+from dfd.common.kept import Recent
 from dfd.editing.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import scene_parts_and_materials

@@ -24,7 +24,7 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
-from dfd.editing.influence.bendable_parts import BendablePart, pivot_on
+from dfd.editing.weights.axis_motions import BendablePart, pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.geometry.normals import updated_normals

@@ -11,9 +11,9 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.fill import Band, weights_at
-from dfd.editing.influence.hold import Component
-from dfd.editing.influence.plan import Column
+from dfd.editing.weights.fill import Band, weights_at
+from dfd.editing.weights.held_part import Component
+from dfd.editing.weights.several_handles import Column
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.mesh.mesh import Mesh

@@ -1,6 +1,6 @@
 """Test the cache of recent results."""
 
-from dfd.editing.influence.recent import Recent
+from dfd.common.kept import Recent
 
 
 def test_the_results_used_last_are_kept():

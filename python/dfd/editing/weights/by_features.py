@@ -10,8 +10,8 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.recent import Recent
+from dfd.editing.weights.handle_features import HandleFeatures
+from dfd.common.kept import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.geometry.geodesics import Geodesics
@@ -34,7 +34,7 @@ class Key(NamedTuple):
     reach_targets: bool  # see `Rules.reach_targets`
 
 
-class FeatureWeights:
+class WeightsByFeatures:
     """Compute and cache the weights of handles on one mesh by features, fixed points, distances and masks.
 
     They do not depend on motions. Of handles that move a part, they are the factors of the part's weights.

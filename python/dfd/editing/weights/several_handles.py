@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.hold import Component
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.held_part import Component
 from dfd.geometry.coarse import Share
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight

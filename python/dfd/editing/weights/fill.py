@@ -12,8 +12,8 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, box_center
-from dfd.editing.influence.hold import Component
-from dfd.editing.influence.plan import Column, Piece
+from dfd.editing.weights.held_part import Component
+from dfd.editing.weights.several_handles import Column, Piece
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
 

@@ -8,7 +8,7 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Int64
-from dfd.editing.influence.recent import Recent
+from dfd.common.kept import Recent
 from dfd.editing.points import Place
 from dfd.editing.regions import Region, distances_from, members
 from dfd.field.field import Field, FieldOnMesh

@@ -8,10 +8,10 @@ from made_tube import AROUND, straight
 from scipy.sparse import csr_array
 from sheet import grid
 
-from dfd.editing.influence import hold as module
-from dfd.editing.influence.bendable_parts import _rising as rising
-from dfd.editing.influence.fill import Band, band_of, weights_at
-from dfd.editing.influence.hold import BEYOND, INSIDE, OUTSIDE, Component, hold
+from dfd.editing.weights import held_part as module
+from dfd.editing.weights.axis_motions import _rising as rising
+from dfd.editing.weights.fill import Band, band_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, OUTSIDE, Component, hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 

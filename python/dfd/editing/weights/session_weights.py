@@ -1,6 +1,6 @@
 """Compute the weights of an editing session: one column for each handle, or one for each of its counterparts.
 
-place, level ─ hold (at rest, once) ─► Holding ─ plan (all handles) ─► columns ─ fill (bands now) ─► weights (V, C)
+place, level ─ hold (at rest, once) ─► HeldPart ─ plan (all handles) ─► columns ─ fill (bands now) ─► weights (V, C)
 """
 
 from collections.abc import Hashable, Sequence
@@ -12,14 +12,14 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.bendable_parts import BendablePart, bendable_parts, bent
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.feature_weights import FeatureWeights, Key
-from dfd.editing.influence.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
-from dfd.editing.influence.fixed_points import kept_by_fixed_points
-from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.hold import Component, Holding, hold
-from dfd.editing.influence.plan import Column, Piece, Plan, allocated, supports
+from dfd.editing.weights.axis_motions import BendablePart, bendable_parts, bent
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.by_features import WeightsByFeatures, Key
+from dfd.editing.weights.fill import Band, band_at_rest, band_of, bands_of, fill, weights_in
+from dfd.editing.weights.fixed_points import kept_by_fixed_points
+from dfd.editing.weights.handle_features import HandleFeatures
+from dfd.editing.weights.held_part import Component, HeldPart, hold
+from dfd.editing.weights.several_handles import Column, Piece, Plan, allocated, supports
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.field.field import Field
@@ -45,7 +45,7 @@ LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
 SPARE = 32  # holdings and parts of this many earlier handles are kept, for undo and for places under the pointer
 
 
-class HandleWeights:
+class SessionWeights:
     """Compute and cache the weights of handles on one mesh, separately for each counterpart.
 
     `rows` returns the features of vertices and places. `parts` are the parts of the mesh. `by_features` returns the
@@ -56,9 +56,9 @@ class HandleWeights:
         """Store `features` (V, D), or None, as `HandleFeatures` does."""
         self.mesh, self.field = mesh, field
         self.rows = HandleFeatures(mesh, field, features)
-        self.by_features = FeatureWeights(mesh, self.rows)
+        self.by_features = WeightsByFeatures(mesh, self.rows)
         self._axes = PartAxes(mesh)
-        self._holdings: dict[Hashable, Holding | None] = {}  # the places used last are at the end
+        self._holdings: dict[Hashable, HeldPart | None] = {}  # the places used last are at the end
         self._bendable: dict[Hashable, list[BendablePart]] = {}
         self._other_parts: tuple[SymmetryPlane, Parts] | None = None
         self._plan: tuple[Hashable, Plan] | None = None
@@ -107,7 +107,7 @@ class HandleWeights:
 
     def hold(
         self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False
-    ) -> Holding | None:
+    ) -> HeldPart | None:
         """Return the part at a place, at rest; None if there is no part, such as on a ball.
 
         `level` is as in `Parts.part`, and `detach` as in the function `hold`. If given, `plane` replaces the shape's
@@ -120,7 +120,7 @@ class HandleWeights:
             self._holdings[key] = self._held(place, level, plane, detach)
         return self._holdings[key]
 
-    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> Holding | None:
+    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> HeldPart | None:
         vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
@@ -234,7 +234,7 @@ class HandleWeights:
         moving = [i for i, handle in enumerate(edit.handles) if not handle.transform.rests]
         return tuple(moving) if len(moving) > 1 and edit.rules.overlap == "add" else ()
 
-    def held(self, edit: Edit, handle: Handle) -> Holding | None:
+    def held(self, edit: Edit, handle: Handle) -> HeldPart | None:
         """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
         level = handle.controls.level if handle.controls.reach == "part" else 0
         return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
@@ -302,7 +302,7 @@ class HandleWeights:
         return [Column(number, self._own(handle), tuple(pieces))]
 
     def _pieces(
-        self, edit: Edit, handle: Handle, held: Holding, weights: Float32 | None, factors: Sequence[float]
+        self, edit: Edit, handle: Handle, held: HeldPart, weights: Float32 | None, factors: Sequence[float]
     ) -> list[Piece]:
         """Return the components of a part as pieces, lowered by `weights` (V,), `factors` (C,) and fixed points."""
         pieces = [_piece(one, weights, factor) for one, factor in zip(held.components, factors, strict=True)]

@@ -16,8 +16,8 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
-from dfd.editing.influence.contacts import Attachment, Contact, attachments, with_hanging
-from dfd.editing.influence.counterparts import Counterpart, find_counterparts, shares_everywhere
+from dfd.editing.weights.contacts import Attachment, Contact, attachments, with_hanging
+from dfd.editing.weights.counterparts import Counterpart, find_counterparts, shares_everywhere
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
@@ -71,7 +71,7 @@ class Component:
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class HeldPart:
     """The part at a place, at rest: the component at the place, then the others by decreasing similarity."""
 
     components: tuple[Component, ...]
@@ -113,7 +113,7 @@ def hold(
     region: Int64 | None = None,
     *,
     detach: bool = False,
-) -> Holding:
+) -> HeldPart:
     """Return the part at a vertex. `component` (N,) is the result of `Parts.components`.
 
     `alike` returns the weights (V,) of the handle by features alone (Eq. 4 and 5), and `planes` the planes of symmetry
@@ -133,7 +133,7 @@ def hold(
         held[0] = np.unique(at[component[at] == 0]).astype(np.int64)
     attached = [None] * len(held) if detach else attachments(nodes, component, held)
     components = _components(nodes, component, vertex, counterparts, region, attached)
-    return Holding(components, level, nodes, component, mesh.diagonal)
+    return HeldPart(components, level, nodes, component, mesh.diagonal)
 
 
 def joined(nodes: Nodes, component: Int64) -> Int64:

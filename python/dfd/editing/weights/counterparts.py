@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
+from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
@@ -112,16 +112,16 @@ def find_counterparts(
     return list(zip([0, *others], found, strict=True))
 
 
-def _surfaces(mesh: Mesh, component: Int64, chosen: Sequence[int]) -> list[Component | None]:
+def _surfaces(mesh: Mesh, component: Int64, chosen: Sequence[int]) -> list[SurfaceSamples | None]:
     """Return samples of the surface of each component in `chosen`. `component` (V,) is the component of each vertex."""
     of_corner = component[mesh.faces]
     of_face = np.where((of_corner == of_corner[:, :1]).all(axis=1), of_corner[:, 0], -1)
-    return [component_of(mesh.vertices, mesh.faces[of_face == number]) for number in chosen]
+    return [samples_of(mesh.vertices, mesh.faces[of_face == number]) for number in chosen]
 
 
 def _image(
-    surface: Component | None,
-    surfaces: Sequence[Component | None],
+    surface: SurfaceSamples | None,
+    surfaces: Sequence[SurfaceSamples | None],
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> Float64 | None:
@@ -143,7 +143,7 @@ def _image(
     return None
 
 
-def _is_round(surface: Component) -> bool:
+def _is_round(surface: SurfaceSamples) -> bool:
     """Return whether a component is a disk or a ball: its two largest principal variances are about equal."""
     values = np.linalg.eigvalsh(np.cov(surface.points.T))
     return bool(values[1] > ROUND * values[2])
