@@ -70,7 +70,12 @@ HARMLESS: dict[str, tuple[str, ...]] = {
     "editing/weights/counterparts.py": ("component.max() + 3", "~nodes.used] = 2.0"),
     "editing/weights/fill.py": ("largest = 5",),
     "editing/weights/session_weights.py": ("if len(moving) > 1",),
-    "editing/weights/held_part.py": ("LARGEST =", "inward[k] + 3, deviation", "full_matrices=True", "0.002 * deviation"),
+    "editing/weights/held_part.py": (
+        "LARGEST =",
+        "inward[k] + 3, deviation",
+        "full_matrices=True",
+        "0.002 * deviation",
+    ),
     "symmetry/pair.py": ("SAMPLES =", "ROUNDS ="),
     "editing/transfer.py": ("SAMPLE =", "np.clip(cosines, 0.0, 2.0)"),
 }

@@ -16,9 +16,9 @@ import numpy as np
 import dfd
 from dfd.common.preset import Preset
 from dfd.editing.edit import Edit
-from dfd.editing.weights.session_weights import SessionWeights
 from dfd.editing.shape import PosedShape
 from dfd.editing.verbs import add, change
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.export.key_poses import checked_poses, posed_edit
 from dfd.field.compatibility import check_compatible
 

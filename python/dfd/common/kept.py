@@ -1,22 +1,27 @@
-"""A cache with a fixed number of results."""
+"""Keep the latest results of the steps of a computation."""
 
 from collections.abc import Callable, Hashable
-from typing import Generic, TypeVar
+from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
 
-class Recent(Generic[Result]):
-    """A cache that keeps the `most` results that were used last. A key contains everything that a result depends on."""
+class Kept:
+    """The results of several steps: of each step, those that were used last.
 
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._found: dict[Hashable, Result] = {}
+    `most` is the number of results of a step that `of_step` does not name. A key contains everything on which a result
+    depends.
+    """
 
-    def get(self, key: Hashable, find: Callable[[], Result]) -> Result:
-        """Return the result for `key`. If the cache does not contain it, call `find` and store its result."""
-        found = self._found.pop(key) if key in self._found else find()
-        while len(self._found) >= self._most:
-            del self._found[next(iter(self._found))]
-        self._found[key] = found
-        return found
+    def __init__(self, most: int, **of_step: int) -> None:
+        self.most, self.of_step = most, of_step
+        self._found: dict[str, dict[Hashable, Any]] = {}
+
+    def get(self, step: str, key: Hashable, find: Callable[[], Result]) -> Result:
+        """Return the result of a step for `key`. If it is not kept, call `find` and keep its result."""
+        found = self._found.setdefault(step, {})
+        result: Result = found.pop(key) if key in found else find()
+        while len(found) >= self.of_step.get(step, self.most):
+            del found[next(iter(found))]
+        found[key] = result
+        return result

@@ -19,15 +19,15 @@ from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_pre
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.fit import Fit, Motion, fit
 from dfd.editing.history import History
-from dfd.editing.weights import handle_features
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.session_weights import SessionWeights
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.transfer import transfer
+from dfd.editing.weights import handle_features
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh

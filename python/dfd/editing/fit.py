@@ -20,10 +20,10 @@ from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing import verbs
 from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.session_weights import SessionWeights
 from dfd.editing.points import nearest_vertex, place_on
 from dfd.editing.shape import PosedShape
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import pose
 

@@ -13,10 +13,10 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.weights.axis_motions import bend_vector, pivot_on
-from dfd.editing.weights.session_weights import SessionWeights
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import VertexSet
+from dfd.editing.weights.axis_motions import bend_vector, pivot_on
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
 

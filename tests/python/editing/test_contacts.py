@@ -207,7 +207,7 @@ def test_of_a_post_through_a_plate_only_the_side_of_the_handle_moves():
     below = (piece == 0) & (heights < 0.8)
     np.testing.assert_allclose(found.apart[below], 0.95 - heights[below], atol=0.12)
     assert np.isinf(found.apart[piece == 1]).all()
-    held = hold(mesh, component, foot, mesh.vertices[foot], 0, lambda: None, tuple).components[0]
+    held = hold(mesh, component, foot, mesh.vertices[foot]).components[0]
     assert held.free == pytest.approx(0.5 * found.apart[foot], abs=0.06)
 
 

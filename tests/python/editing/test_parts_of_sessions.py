@@ -7,10 +7,10 @@ from made_field import field_of
 
 import dfd
 from dfd.editing.edit_file import from_document, to_document
-from dfd.editing.weights import session_weights
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
+from dfd.editing.weights import session_weights
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):

@@ -7,9 +7,9 @@ from made_tube import tube
 from scipy.spatial import cKDTree
 
 import dfd
-from dfd.symmetry import pair as module
-from dfd.symmetry.pair import SurfaceSamples, samples_of, mirror_image
 from dfd.posing.transforms import rotation_matrix
+from dfd.symmetry import pair as module
+from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
 from dfd.symmetry.plane import SymmetryPlane
 
 

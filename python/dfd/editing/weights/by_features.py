@@ -1,25 +1,44 @@
-"""Compute one column of weights for each handle from features (Eq. 4 to 7), and keep it until its inputs change."""
+"""Compute weights by features, fixed points, distances and masks (Eq. 4 to 7): opened only if a handle needs them.
+
+Of a handle that moves a part, these weights lower those of the part. Otherwise, they are the weights of the handle, and
+each of its counterparts has a share of them. Nothing here depends on motions.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from dfd.common.check import LARGEST
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.weights.handle_features import HandleFeatures
-from dfd.common.kept import Recent
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Portion, whole
+from dfd.editing.weights.fixed_points import kept_by_fixed_points
+from dfd.editing.weights.handle_features import HandleFeatures
+from dfd.editing.weights.held_part import Component, HeldPart
+from dfd.geometry.coarse import Share
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
 
 # If fixed points leave a weight of at least LEAST_LEFT at a handle, all its weights are divided by this weight.
 LEAST_LEFT = 0.01
+# `equalize` raises the weights of a counterpart if, without the factor of locality, they are at least this fraction of
+# those at the handle.
+LEAST_EQUALIZED = 0.1
+# As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
+# handle and the vertices of the part, and at least LEAST_REACH.
+LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
+# If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
+SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
+SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
 
 
 class Key(NamedTuple):
@@ -33,35 +52,65 @@ class Key(NamedTuple):
     fixed: tuple[Fixed, ...]
     reach_targets: bool  # see `Rules.reach_targets`
 
+    @property
+    def is_one(self) -> bool:
+        """Return whether all weights of the column are 1."""
+        controls = self.controls
+        return self.in_part and not (self.sources or self.fixed or controls.mask) and controls.strength == 1.0
+
 
 class WeightsByFeatures:
-    """Compute and cache the weights of handles on one mesh by features, fixed points, distances and masks.
-
-    They do not depend on motions. Of handles that move a part, they are the factors of the part's weights.
-    """
+    """The weights of handles on one mesh by features, fixed points, distances and masks."""
 
     def __init__(self, mesh: Mesh, rows: HandleFeatures) -> None:
-        self._mesh, self._rows = mesh, rows
-        self._columns: dict[Key, Float32] = {}  # (V,)
-        self._subtracted: Recent[Float32] = Recent(1)
-        self._geodesics: dict[bool, Geodesics] = {}  # key: whether distances are exact
-        self._distances: dict[tuple[bool, int], Float32] = {}  # (V,); keys: whether distances are exact, and the source
+        self._mesh, self._rows, self._kept = mesh, rows, rows.kept
 
-    def of(self, key: Key) -> Float32 | None:
-        """Return a column (V,) of weights; None if all weights are 1."""
-        if key.in_part and not key.sources and not key.fixed and key.controls.strength == 1.0 and not key.controls.mask:
-            return None
-        if key not in self._columns:
+    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
+        """Return the portion of each component of `held`; without a part, one portion with all weights.
+
+        With `equalize`, similar counterparts move as much as the handle, except for locality and the mask.
+        """
+        in_part = held is not None and handle.controls.reach == "part"
+        key = self.key(handle, edit, in_part=in_part)
+        weights = None if key.is_one else self.of(key)
+        if held is None or (len(held.components) == 1 and not in_part):
+            assert weights is not None, "only the weights of a part are 1"
+            return [Portion(_sparse(weights))]
+        factors = [1.0] * len(held.components)
+        equalize = equalize and handle.controls.follow != "none"
+        if equalize and weights is not None:
+            factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
+        if not in_part:
+            assert weights is not None, "only the weights of a part are 1"
+            everywhere = self._kept.get("shares", held, lambda: shares_everywhere(held, self._mesh.diagonal))
+            shares = [Share(each.vertices, weights[each.vertices] * each.values) for each in everywhere]
+            return [Portion(each) for each in (_equalized(weights, shares, factors) if equalize else shares)]
+        portions = [
+            whole(each) if weights is None else _lowered(each, weights, factor)
+            for each, factor in zip(held.components, factors, strict=True)
+        ]
+        if not edit.fixed or not edit.rules.reach_targets:
+            return portions
+        kept = kept_by_fixed_points(self._rows, self._mesh.vertices, edit, handle, held)
+        return [portion.scaled(factor) for portion, factor in zip(portions, kept, strict=True)]
+
+    def of(self, key: Key) -> Float32:
+        """Return a column (V,) of weights (Eq. 4 to 7)."""
+
+        def find() -> Float32:
             column = np.empty(len(self._mesh.vertices), np.float32)
             self._bind(key, column)
-            self._columns[key] = column
-        return self._columns[key]
+            return column
 
-    def keep(self, keys: Sequence[Key]) -> None:
-        """Forget all columns except those of `keys`."""
-        self._columns = {key: column for key, column in self._columns.items() if key in keys}
-        needed = {(key.exact, source) for key in keys for source in key.sources}
-        self._distances = {source: row for source, row in self._distances.items() if source in needed}
+        return self._kept.get("column", key, find)
+
+    def reach(self, place: Place, within: Float32) -> float:
+        """Return a feature distance with a similar effect as the reach "part", whose weights (V,) are `within`."""
+        # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
+        apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
+        inside = apart[within > 0.5]
+        widest = float(np.quantile(inside, REACH_QUANTILE)) if len(inside) else 0.0
+        return min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
 
     def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
         """Return the weight that fixed points p of strength s_p subtract at each vertex i, (V,): max_p s_p W_ip."""
@@ -77,17 +126,7 @@ class WeightsByFeatures:
                     most[own] = np.maximum(most[own], np.float32(each.strength))
             return most
 
-        return self._subtracted.get(fixed, find)
-
-    def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
-        """Return the factors (N,) by which distances (Eq. 7) and a mask lower weights at `vertices` (N,)."""
-        distances, power = self._falloff(self.key(handle, edit, in_part=False))
-        factors = np.ones(len(vertices))
-        if distances is not None:
-            factors *= (1.0 - distances[0, vertices].astype(np.float64)) ** power
-        if handle.controls.mask is not None:
-            factors *= self._rows.inside(handle.controls.mask, handle.controls.mask_feather)[vertices]
-        return factors
+        return self._kept.get("subtracted", fixed, find)
 
     def check_targets(self, edit: Edit, handles: Sequence[Handle]) -> None:
         """Raise ValueError if fixed points of `edit` leave one of `handles` too little weight to reach its target."""
@@ -125,6 +164,30 @@ class WeightsByFeatures:
         fixed = () if in_part and edit.rules.reach_targets else edit.fixed  # see `kept_by_fixed_points`
         return Key(place, controls, in_part, starts, exact and bool(starts), fixed, edit.rules.reach_targets)
 
+    def _equalizing(
+        self, edit: Edit, handle: Handle, weights: Float32, counterparts: Sequence[Counterpart]
+    ) -> list[float]:
+        """Return factors with which similar counterparts move as much as the handle, except for locality and the mask.
+
+        `weights` (V,) are those of the handle. The factors of locality (Eq. 7) and of the mask still lower the results.
+        """
+        near = self.near(edit, handle, np.array([one.vertex for one in counterparts]))
+        tops = [
+            float(weights[one.vertex]) / nearness if nearness > 0 else 0.0
+            for one, nearness in zip(counterparts, near, strict=True)
+        ]
+        return [tops[0] / top if top >= LEAST_EQUALIZED * tops[0] > 0 else 1.0 for top in tops]
+
+    def near(self, edit: Edit, handle: Handle, vertices: Int64) -> Float64:
+        """Return the factors (N,) by which distances (Eq. 7) and a mask lower weights at `vertices` (N,)."""
+        distances, power = self._falloff(self.key(handle, edit, in_part=False))
+        factors = np.ones(len(vertices))
+        if distances is not None:
+            factors *= (1.0 - distances[0, vertices].astype(np.float64)) ** power
+        if handle.controls.mask is not None:
+            factors *= self._rows.inside(handle.controls.mask, handle.controls.mask_feather)[vertices]
+        return factors
+
     def _falloff(self, key: Key) -> tuple[Float32 | None, float]:
         """Return distances G (1, V), in [0, 1], and the exponent λ of Eq. 7, or (None, 0) if weights ignore distances.
 
@@ -135,18 +198,21 @@ class WeightsByFeatures:
         exact, radius = key.exact, key.controls.radius
         if not key.sources:
             return None, 0.0
-        if exact not in self._geodesics:
-            self._geodesics[exact] = Geodesics(self._mesh, bridges=not exact, sampled=not exact)
-        for source in key.sources:
-            if (exact, source) not in self._distances:
-                self._distances[exact, source] = self._geodesics[exact].distances([source])[0]
-        nearest, *others = (self._distances[exact, source] for source in key.sources)
-        for other in others:
-            nearest = np.minimum(nearest, other)
+        geodesics = self._kept.get(
+            "geodesics", exact, lambda: Geodesics(self._mesh, bridges=not exact, sampled=not exact)
+        )
+
+        def find() -> Float32:
+            nearest = np.ones(len(self._mesh.vertices), np.float32)
+            for source in key.sources:
+                np.minimum(nearest, geodesics.distances([source])[0], out=nearest)
+            return nearest
+
+        nearest = self._kept.get("distances", (exact, key.sources), find)
         if radius is None:
             return nearest[None], key.controls.locality
         # The limit keeps the product with the distance 0 at the handle finite.
-        factor = np.float32(min(self._geodesics[exact].extent / radius, LARGEST))
+        factor = np.float32(min(geodesics.extent / radius, LARGEST))
         reached = np.minimum(nearest * factor, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
@@ -187,3 +253,53 @@ class WeightsByFeatures:
         column *= np.float32(controls.strength)
         if controls.mask is not None:
             column *= self._rows.inside(controls.mask, controls.mask_feather)
+
+
+def _lowered(component: Component, weights: Float32, factor: float) -> Portion:
+    """Return the portion of a component. `weights` (V,) and `factor` multiply its weights, up to their largest."""
+    scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0))
+    still = Share(component.core.vertices, component.core.values * scaled[component.core.vertices])
+    return Portion(still, component, component.share * scaled[component.vertices])
+
+
+def _sparse(weights: Float32) -> Share:
+    some = np.flatnonzero(weights)
+    return Share(some, weights[some])
+
+
+def _equalized(weights: Float32, shares: Sequence[Share], factors: Sequence[float]) -> list[Share]:
+    """Multiply `shares` by `factors`. The sum of the results at a vertex is limited to the maximum of `weights`."""
+    total = np.zeros(len(weights), np.float32)
+    found = [
+        Share(vertices, values * np.float32(factor)) for (vertices, values), factor in zip(shares, factors, strict=True)
+    ]
+    for vertices, values in found:
+        total[vertices] += values
+    most = weights.max(initial=0.0)
+    if (total <= most).all():
+        return found
+    less = np.divide(most, total, out=np.ones_like(total), where=total > most)
+    return [Share(vertices, values * less[vertices]) for vertices, values in found]
+
+
+def shares_everywhere(held: HeldPart, diagonal: float) -> list[Share]:
+    """Return the share of each counterpart at every vertex. It is 1 on the component of the counterpart.
+
+    `diagonal` is that of the bounding box, in mesh units.
+    """
+    nodes, component = held.nodes, held.component_of_node
+    components = [np.flatnonzero(component == number) for number in range(component.max(initial=0) + 1)]
+    shares = np.empty((len(components), len(nodes.center)))
+    for row, members in zip(shares, components, strict=True):
+        distance = dijkstra(nodes.graph, indices=members, min_only=True)
+        # Nodes without a path to the component get the straight distance plus the diagonal, so they count as farther.
+        if len(apart := np.flatnonzero(np.isinf(distance) & nodes.used)):
+            straight = cKDTree(nodes.center[members]).query(nodes.center[apart])[0]
+            distance[apart] = straight + diagonal
+        row[:] = (distance / diagonal + 1e-4) ** -SHARE_POWER
+    shares[0, ~nodes.used] = 1.0
+    shares /= shares.max(axis=0)
+    shares -= SHARE_CUTOFF
+    np.maximum(shares, 0.0, out=shares)
+    shares /= shares.sum(axis=0)
+    return nodes.shares(shares)
