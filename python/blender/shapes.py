@@ -16,9 +16,9 @@ import numpy as np
 import dfd
 from dfd.common.preset import Preset
 from dfd.editing.edit import Edit
-from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.shape import PosedShape
 from dfd.editing.verbs import add, change
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.export.key_poses import checked_poses, posed_edit
 from dfd.field.compatibility import check_compatible
 
@@ -56,7 +56,7 @@ class Shape:
         self.axes: Axes = ("Y_UP" if _fits_y_up(self.field, mesh) else "SAME") if axes == "AUTO" else axes
         self.mesh = dfd.Mesh(_y_up(vertices), triangles) if self.axes == "Y_UP" else mesh
         check_compatible(self.field, self.mesh)
-        self._weights = HandleWeights(self.mesh, self.field)
+        self._weights = SessionWeights(self.mesh, self.field)
 
     def weights(self, vertex: int, preset: Preset = "default", **controls: Any) -> np.ndarray:
         """Return the weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as in a session of dfd.

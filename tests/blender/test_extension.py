@@ -203,11 +203,11 @@ class Session:
     def __init__(self, of: bpy.types.Object, field_file: Path) -> None:
         import dfd
         from dfd.editing.edit import Edit
-        from dfd.editing.influence.handle_weights import HandleWeights
+        from dfd.editing.weights.session_weights import SessionWeights
 
         self.field = dfd.Field.load(field_file)
         self.mesh = dfd.Mesh(coordinates(of), triangles(of))
-        self.bound, self.edit = HandleWeights(self.mesh, self.field), Edit()
+        self.bound, self.edit = SessionWeights(self.mesh, self.field), Edit()
 
     def add(self, at, name=None, **given) -> None:
         from dfd.editing.verbs import add

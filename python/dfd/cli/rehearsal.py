@@ -71,7 +71,7 @@ def _fixed(mesh: Mesh, text: str) -> Place:
 
 def _check_motions(given: dict[str, Any]) -> None:
     """Check the motions of a handle, apart from their effect on the part that the handle holds."""
-    from dfd.editing.influence.bendable_parts import TOWARDS
+    from dfd.editing.weights.axis_motions import TOWARDS
     from dfd.posing.transforms import PivotAt, Transform, vector
 
     motions = {name: value for name, value in given.items() if name in MOTIONS}

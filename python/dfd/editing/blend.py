@@ -7,7 +7,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, box_center
-from dfd.editing.influence.plan import Column
+from dfd.editing.weights.fill import Column
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, pose
 

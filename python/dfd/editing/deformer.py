@@ -19,15 +19,15 @@ from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_pre
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.fit import Fit, Motion, fit
 from dfd.editing.history import History
-from dfd.editing.influence import handle_features
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.transfer import transfer
+from dfd.editing.weights import handle_features
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
@@ -105,7 +105,7 @@ class Deformer(History):
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._features = features
         self._similarity: dict[int, float] = {}
-        self._shapes: dict[bool, tuple[HandleWeights, PosedShape]] = {}
+        self._shapes: dict[bool, tuple[SessionWeights, PosedShape]] = {}
         self._start(Edit(preset=preset))
 
     def _start(self, edit: Edit) -> None:
@@ -114,18 +114,18 @@ class Deformer(History):
         self._shape(edit.preset)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
-    def _shape(self, preset: Preset) -> tuple[HandleWeights, PosedShape]:
+    def _shape(self, preset: Preset) -> tuple[SessionWeights, PosedShape]:
         """Return the weights and the posed shape of edits with `preset`: with "paper", features are not compact."""
         compacts = self._features is None and len(self.mesh.vertices) > handle_features.MOST_EXACT
         full = compacts and preset == "paper"
         if full not in self._shapes:
-            weights = HandleWeights(self.mesh, self.field, self._features)
+            weights = SessionWeights(self.mesh, self.field, self._features)
             weights.rows.full = full
             self._shapes[full] = weights, PosedShape(self.mesh, weights)
         return self._shapes[full]
 
     @property
-    def bound(self) -> HandleWeights:
+    def bound(self) -> SessionWeights:
         """Return the weights and parts of the present edit, for programs that show them."""
         return self._shape(self.preset)[0]
 

@@ -141,6 +141,12 @@ class Edit(Brief):
         turns = self.rules.blend == "auto" and any(any(each.rotation) for each in moves)
         return "dual_quaternion" if turns else "linear"
 
+    @property
+    def sharing(self) -> tuple[int, ...]:
+        """Return the indices of the moving handles, which share components; () for fewer than two, or with "paper"."""
+        moving = tuple(i for i, handle in enumerate(self.handles) if not handle.transform.rests)
+        return moving if len(moving) > 1 and self.rules.overlap == "add" else ()
+
     def handle(self, id: int) -> Handle:  # noqa: A002  # same name as in `Handle`
         """Return the handle with an id. Raises ValueError if there is none."""
         for handle in self.handles:

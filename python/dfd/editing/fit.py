@@ -20,10 +20,10 @@ from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing import verbs
 from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.points import nearest_vertex, place_on
 from dfd.editing.shape import PosedShape
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import pose
 
@@ -66,7 +66,7 @@ class Targets:
 
 
 def fit(
-    edit: Edit, weights: HandleWeights, targets: Any, handles: Sequence[int] | None, motion: Motion
+    edit: Edit, weights: SessionWeights, targets: Any, handles: Sequence[int] | None, motion: Motion
 ) -> tuple[Edit, Fit]:
     """Return `edit` with fitted motions; `Deformer.fit` explains the arguments and the errors."""
     check.choice(None, "motion", motion, Motion)
@@ -99,7 +99,7 @@ def fit(
 class _Problem:
     """The least squares problem for the weights of one edit. `order` has the indices of the fitted handles."""
 
-    def __init__(self, edit: Edit, weights: HandleWeights, order: Sequence[int], motion: Motion) -> None:
+    def __init__(self, edit: Edit, weights: SessionWeights, order: Sequence[int], motion: Motion) -> None:
         self.edit, self.weights, self.order, self.motion = edit, weights, order, motion
         self.count, self.size = COUNTS[motion], weights.mesh.diagonal
         self.rest = weights.bent(edit)
@@ -218,12 +218,12 @@ def _at_counterpart(counterpart: Counterpart, affine: Float64, position: Float64
     return np.concatenate([linear, shift[:, :, None]], axis=2)
 
 
-def _posed(edit: Edit, weights: HandleWeights) -> Float64:
+def _posed(edit: Edit, weights: SessionWeights) -> Float64:
     """Return the posed vertices (V, 3) of `edit`."""
     return PosedShape(weights.mesh, weights).of(edit)
 
 
-def _with_pivots(edit: Edit, weights: HandleWeights, chosen: Sequence[int]) -> Edit:
+def _with_pivots(edit: Edit, weights: SessionWeights, chosen: Sequence[int]) -> Edit:
     """Return `edit` with the default pivots of the `chosen` handles, at which they rest, but for a tiny motion.
 
     The motion makes them moving handles, which share counterparts and parts as they will after the fit.

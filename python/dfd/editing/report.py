@@ -8,7 +8,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float64, Int32
 from dfd.editing.blend import blend_of, carried
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.geometry.topology import face_sides
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
@@ -118,7 +118,7 @@ def _percent(share: float) -> str:
     return "less than 1 %" if 0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
-def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
+def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> Report:
     """Return the report of `edit` on `mesh`. `posed` (V, 3) are the vertices after the edit."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     visible = VISIBLE * mesh.diagonal
@@ -166,27 +166,28 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Re
     )
 
 
-def _part(edit: Edit, handle: Handle, weights: HandleWeights) -> dict[str, Any]:
+def _part(edit: Edit, handle: Handle, weights: SessionWeights) -> dict[str, Any]:
     """Return the fields of `HandleReport` that describe the part of a handle; none if it moves no part."""
     if handle.controls.reach != "part":
         return {}
     held = weights.held(edit, handle)
-    lowest, highest = weights.parts_with(edit.symmetry).levels(weights.rows.anchor(handle.place))
+    all_parts, vertex = weights.parts_with(edit.symmetry), weights.rows.anchor(handle.place)
+    lowest, highest = all_parts.levels(vertex)
     if held is None:
         return {"levels": (lowest, highest), "note": "with weights by features, because it lies on no part"}
     asked, notes = handle.controls.level, []
+    level = min(max(asked, lowest), highest)
     if not lowest <= asked <= highest:
         notes.append(f"because level {asked} does not exist")
     if handle.transform.bends and (parts := weights.bendable_parts(edit, handle)) and not parts[0].slender:
-        level = weights.level_with_axis(edit, handle)
-        instead = "" if level is None else f" (level {level} has one)"
+        other = weights.level_with_axis(edit, handle)
+        instead = "" if other is None else f" (level {other} has one)"
         notes.append(f"turned as a whole, because its part has no axis along which it could bend{instead}")
     on = [moves for _, moves in weights.counterparts(edit, handle)]
     share = sum(held.area(number) for number, moves in enumerate(on) if moves)
     note = " and ".join(notes) or None
-    all_parts, vertex = weights.parts_with(edit.symmetry), weights.rows.anchor(handle.place)
-    left_out = tuple(all_parts.left_out(vertex, held.level)) if handle.controls.follow == "all" else ()
-    return {"share": share, "level": held.level, "levels": (lowest, highest), "left_out": left_out, "note": note}
+    left_out = tuple(all_parts.left_out(vertex, level)) if handle.controls.follow == "all" else ()
+    return {"share": share, "level": level, "levels": (lowest, highest), "left_out": left_out, "note": note}
 
 
 def largest_stretch(rest: Float64, posed: Float64, faces: Int32) -> float:

@@ -8,9 +8,8 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.fill import Band, bands_of, fill
-from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.plan import Column
+from dfd.editing.weights.fill import Band, Column, bands_of, fill
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
 
@@ -23,7 +22,7 @@ class PosedShape:
     """
 
     def __init__(
-        self, mesh: Mesh, weights: HandleWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
+        self, mesh: Mesh, weights: SessionWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
     ) -> None:
         """Store the arguments. `columns` are weights (V, C) and their columns for all edits, as those of a skin.
 
@@ -51,13 +50,14 @@ class PosedShape:
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _pose_key(self._edit) == _pose_key(edit) else self._whole(edit)
-        if self._skin is None:
+        if self._drag is not None and not self._drag.handles >= set(moved):
+            self._drag = None
+        if self._drag is None and self._skin is None:
             plan = self._weights.plan(edit)
-            default = edit.default is not None and any(column.pieces for column in plan.columns)
+            default = edit.default is not None and any(column.banded for column in plan.columns)
             if plan.crowded or default or blends_nested(edit, plan.columns):
-                self._drag = None  # weights or transforms of handles at rest, or of the default, change too
-                return self._whole(edit)
-        if self._drag is None or not self._drag.handles >= set(moved):
+                return self._whole(edit)  # weights or transforms of handles at rest, or of the default, change too
+        if self._drag is None:
             weights, columns = self._columns(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
             rest = self._weights.bent(edit)
@@ -111,7 +111,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Return the indices of the handles whose transforms differ; None if the edits differ in anything else."""
     if len(before.handles) != len(after.handles) or _without_handles(before) != _without_handles(after):
         return None
-    if HandleWeights.allocating(before) != HandleWeights.allocating(after):
+    if before.sharing != after.sharing:
         return None  # a leg or another component of a part may now follow another handle
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):

@@ -12,10 +12,10 @@ from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import HalfSpace, Region, VertexSet
+from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, sample_surface
 from dfd.mesh.mesh import Mesh

@@ -13,17 +13,17 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.bendable_parts import bend_vector, pivot_on
-from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import VertexSet
+from dfd.editing.weights.axis_motions import bend_vector, pivot_on
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
 
 OF_MATRIX = ("translation", "rotation", "scale", "axes", "open")  # the motions that `matrix` determines
 
 
-def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
+def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str | None, **given: Any) -> Edit:
     """Return `edit` with one more handle, whose id is `handle`.
 
     Without a given motion, the handle takes over the motion of the component on which it lies. So nothing moves.
@@ -42,7 +42,7 @@ def add(edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str |
     return _with_matrix(_on_part(added, weights, handle, parts, Transform()), handle, matrix)
 
 
-def move(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any]) -> Edit:
+def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any]) -> Edit:
     """Return `edit` with the `given` values in the transform of a handle."""
     given = dict(given)
     matrix = _taken_matrix(given)
@@ -79,7 +79,7 @@ def _with_matrix(edit: Edit, handle: int, matrix: Any) -> Edit:
 
 
 def change(
-    edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
+    edit: Edit, weights: SessionWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
 ) -> Edit:
     """Return `edit` with another place, other controls or another name for a handle."""
     held = edit.handle(handle)
@@ -94,7 +94,7 @@ def change(
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
 
-def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) -> Edit:
+def set_default(edit: Edit, weights: SessionWeights, given: Mapping[str, Any]) -> Edit:
     """Return `edit` with the default transform D₀ of the `given` values; the identity is stored as None."""
     check.keywords(given, MOTIONS, "motion")
     if unknown := given.keys() - {name for name, said in MOTIONS.items() if not said.of_part}:
@@ -104,13 +104,13 @@ def set_default(edit: Edit, weights: HandleWeights, given: Mapping[str, Any]) ->
     return replace(edit, default=None if transform == Transform() else transform)
 
 
-def part_at(weights: HandleWeights, at: Any, level: int = 0, *, follow: Follow = "all") -> VertexSet:
+def part_at(weights: SessionWeights, at: Any, level: int = 0, *, follow: Follow = "all") -> VertexSet:
     """Return the vertices of the part at a place. `level` and `follow` are as in `dfd.Parts.part`."""
     vertex = weights.rows.anchor(place_on(weights.mesh, at))
     return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, follow=follow).mask)
 
 
-def place_of(weights: HandleWeights, at: Any, level: int = 0) -> Place:
+def place_of(weights: SessionWeights, at: Any, level: int = 0) -> Place:
     """Return the place for a vertex, a point, a region or a text. A text may name a part, such as "part@812".
 
     `level` is the level of a named part.
@@ -118,7 +118,7 @@ def place_of(weights: HandleWeights, at: Any, level: int = 0) -> Place:
     return place_on(weights.mesh, _part_named(weights, at, level))
 
 
-def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any], level: int = 0) -> dict[str, Any]:
+def _controls(weights: SessionWeights, place: Place, given: Mapping[str, Any], level: int = 0) -> dict[str, Any]:
     """Convert the `given` controls of a handle at `place` to arguments of `Controls.changed`.
 
     `level` is the handle's present level.
@@ -130,7 +130,7 @@ def _controls(weights: HandleWeights, place: Place, given: Mapping[str, Any], le
     return controls_on(weights.mesh, {**given, "mask": mask})
 
 
-def _part_named(weights: HandleWeights, at: Any, level: int) -> Any:
+def _part_named(weights: SessionWeights, at: Any, level: int) -> Any:
     """Return `at`. Two kinds of texts give a part: "part@812", and "piece@812" without counterparts."""
     if not isinstance(at, str):
         return at
@@ -142,7 +142,7 @@ def _part_named(weights: HandleWeights, at: Any, level: int) -> Any:
     )
 
 
-def _transform(transform: Transform, weights: HandleWeights, place: Place, given: Mapping[str, Any]) -> Transform:
+def _transform(transform: Transform, weights: SessionWeights, place: Place, given: Mapping[str, Any]) -> Transform:
     """Return `transform` with the `given` values that need no part (`_of_part`). The axes "normal" become vectors."""
     values: dict[str, Any] = {name: value for name, value in given.items() if not _of_part(name, value)}
     axes = values.get("axes")
@@ -163,7 +163,7 @@ def _of_part(name: str, value: Any) -> bool:
     return name in ("towards", "open") or (name == "bend" and np.ndim(value) == 0)
 
 
-def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
+def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
     """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
 
     The default pivot is chosen if `before`, the earlier transform, has no rotation or scale, or if "auto" is given.

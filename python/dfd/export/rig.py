@@ -10,10 +10,9 @@ from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.text import UniqueNames
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.influence.fill import Band, bands_of, widest
-from dfd.editing.influence.plan import Column
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
+from dfd.editing.weights.fill import Band, Column, bands_of, widest
 from dfd.export.joints import Joint
 from dfd.export.key_poses import posed_edit
 from dfd.mesh.mesh import Mesh

@@ -67,7 +67,7 @@ def small(monkeypatch) -> None:
     monkeypatch.setattr(resolution, "FACES", (300, 900))
     monkeypatch.setattr(resolution, "LARGE_FACES", ((300, 900), ()))
     monkeypatch.setattr(features, "DETAILED", (2000, 2000))
-    monkeypatch.setattr("dfd.editing.influence.handle_weights.symmetry_planes", lambda field, mesh: [])
+    monkeypatch.setattr("dfd.editing.weights.session_weights.symmetry_planes", lambda field, mesh: [])
     for module in (comparisons, resolution):
         monkeypatch.setattr(module, "run", lambda peer, mesh, jobs, **_: [Done(mesh.vertices, seconds) for _ in jobs])
 

@@ -8,7 +8,7 @@ from prepared import sessions_on
 
 import dfd
 from dfd.editing import shape
-from dfd.editing.influence import feature_weights
+from dfd.editing.weights import by_features
 
 
 @pytest.fixture(scope="session")
@@ -33,7 +33,8 @@ def geodesics_of():
 
     def replaced(session):
         counting = Counting(session.mesh)
-        session.bound.by_features._geodesics = {True: counting, False: counting}
+        for exact in (True, False):
+            session.bound.rows.kept.get("geodesics", exact, lambda: counting)
         return counting
 
     return replaced
@@ -53,7 +54,7 @@ def bound():
         counts.append(len(handles))
         return dfd.bind(features, handles, **options)
 
-    with mock.patch.object(feature_weights, "bind", counted):
+    with mock.patch.object(by_features, "bind", counted):
         yield counts
 
 

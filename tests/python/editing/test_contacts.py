@@ -6,8 +6,8 @@ from made_field import field_of
 from made_tube import straight, tube
 
 import dfd
-from dfd.editing.influence.contacts import Contact, attachments, with_hanging
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights.contacts import Contact, attachments, with_hanging
+from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
 
@@ -207,7 +207,7 @@ def test_of_a_post_through_a_plate_only_the_side_of_the_handle_moves():
     below = (piece == 0) & (heights < 0.8)
     np.testing.assert_allclose(found.apart[below], 0.95 - heights[below], atol=0.12)
     assert np.isinf(found.apart[piece == 1]).all()
-    held = hold(mesh, component, foot, mesh.vertices[foot], 0, lambda: None, tuple).components[0]
+    held = hold(mesh, component, foot, mesh.vertices[foot]).components[0]
     assert held.free == pytest.approx(0.5 * found.apart[foot], abs=0.06)
 
 

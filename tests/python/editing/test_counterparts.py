@@ -10,9 +10,10 @@ import trimesh
 from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing.influence import counterparts
-from dfd.editing.influence.counterparts import find_counterparts, shares_everywhere
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights import counterparts
+from dfd.editing.weights.by_features import shares_everywhere
+from dfd.editing.weights.counterparts import find_counterparts
+from dfd.editing.weights.held_part import HeldPart, hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
@@ -55,13 +56,13 @@ def find(
     mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray, *planes: SymmetryPlane
 ) -> list[counterparts.Counterpart]:
     """Return the counterparts of a handle on component 0."""
-    found = find_counterparts(mesh, component, vertex, mesh.vertices[vertex], lambda: weights, lambda: planes)
+    found = find_counterparts(mesh, component, vertex, mesh.vertices[vertex], weights, planes)
     return [one for _, one in found]
 
 
 def everywhere(mesh: Mesh, component: np.ndarray) -> np.ndarray:
     """Return the share (K, V) of each component at every vertex."""
-    shares = shares_everywhere(nodes_of(mesh), component, mesh.diagonal)
+    shares = shares_everywhere(HeldPart((), nodes_of(mesh), component), mesh.diagonal)
     return np.stack([each.dense(len(mesh.vertices)) for each in shares])
 
 
@@ -95,7 +96,7 @@ def test_a_component_inside_another_component_joins_it(handle_on_hub):
         component = (on_hub != handle_on_hub).astype(np.int64)
         weights = np.ones(len(mesh.vertices), np.float32)
         vertex = int(np.flatnonzero(component == 0)[0])
-        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, tuple)
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], weights)
         return len(held.components)
 
     assert counted(ball.vertices + (0, 0.1, 0)) == 1

@@ -8,7 +8,7 @@ from test_contacts import FEET, box, joined, session_of
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
-from dfd.editing.influence import fill, hold
+from dfd.editing.weights import fill, held_part
 
 
 def step(x):
@@ -87,12 +87,12 @@ def test_weights_are_those_of_the_formula(sessions, name, motion):
 
 def test_the_page_has_the_numbers_of_the_code():
     page = (Path(__file__).parents[3] / "docs" / "how_it_works" / "method.md").read_text("utf-8")
-    assert (fill.STEEPEST / fill.STRAIN, fill.STRAIN, hold.INSIDE, hold.BEYOND, fill.SLIDING) == (
+    assert (fill.STEEPEST / fill.STRAIN, fill.STRAIN, held_part.INSIDE, held_part.BEYOND, fill.SLIDING) == (
         3,
         0.5,
         0.5,
         0.2,
         0.25,
     )
-    for number in (fill.REST, fill.REST_OF_RADIUS, hold.OUTSIDE, fill.VISIBLE, fill.STRAIN):
+    for number in (fill.REST, fill.REST_OF_RADIUS, held_part.OUTSIDE, fill.VISIBLE, fill.STRAIN):
         assert f"{number:g}" in page

@@ -10,9 +10,9 @@ from made_field import field_of
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
-from dfd.editing.influence.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
-from dfd.editing.influence.hold import BEYOND, INSIDE, hold
 from dfd.editing.report import largest_stretch
+from dfd.editing.weights.fill import STEEPEST, STRAIN, Band, band_at_rest, band_of, bands_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, hold
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import vertex_areas
 
@@ -172,7 +172,7 @@ def test_a_mirrored_gesture_gives_the_mirrored_shape():
     shapes = []
     for vertex, own, sign in ((left, 0, 1), (right, 1, -1)):
         component = np.where(horns < 0, -1, np.where(horns == own, 0, 1))
-        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, lambda: planes)
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], weights, planes)
         pull = np.column_stack([np.eye(3), (0.1 * sign, 0.2, 0.05)])
         posed = mesh.vertices.copy()
         for each in held.components:
@@ -208,11 +208,10 @@ def test_twelve_moving_handles_reuse_what_they_hold(animal):
     places = np.linspace(0, len(sample.mesh.vertices) - 1, 40).astype(int)
     handles = [session.add(int(at), translation=(0, 0.01 * (1 + number), 0)) for number, at in enumerate(places)]
     _ = session.vertices
-    held = dict(session.bound._holdings)
-    assert len(held) >= len(handles)
+    held = [session.bound.held(session.edit, handle) for handle in session.handles]
     session.move(handles[3], translation=(0.1, 0, 0))
     _ = session.vertices
-    assert all(session.bound._holdings[key] is each for key, each in held.items())
+    assert all(session.bound.held(session.edit, each) is one for each, one in zip(session.handles, held, strict=True))
 
 
 @pytest.mark.parametrize(("follow", "legs"), [("all", 4), ("mirror", 2), ("none", 1)])
@@ -311,7 +310,7 @@ def test_the_band_does_not_cross_a_gap_between_two_surfaces():
     )
     component = np.concatenate([np.where(horns == 0, 0, -1), np.full(count, -1)])
     tip = int(mesh.vertices[:, 1].argmax())
-    held = hold(both, component, tip, both.vertices[tip], 0, None, None)
+    held = hold(both, component, tip, both.vertices[tip])
     (own,) = held.components
     assert max(own.vertices.max(), own.core.vertices.max()) < count
     assert own.vertices.size > 0
@@ -333,7 +332,7 @@ def test_resting_bands_and_motions_in_place(animal):
     session = fresh(known)
     handle = session.add(tip_of(sample, "leg"))
     column = session.bound.plan(session.edit).columns[0]
-    rest = (band_at_rest(column.pieces[0].component, sample.mesh.diagonal),)
+    rest = (band_at_rest(column.component, sample.mesh.diagonal),)
     assert bands_of(column, sample.mesh, session.edit) == rest
     # Where the surroundings move alike, the band is that at rest, too.
     pull, wide = {"translation": (0.3, 0, 0.2)}, []

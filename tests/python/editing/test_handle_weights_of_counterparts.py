@@ -1,16 +1,13 @@
 """Test handles that move several counterparts, each about its own pivot."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_field import field_of
 
 import dfd
 from dfd.editing.controls import Controls
-from dfd.editing.influence import handle_weights, hold
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.fill import band_at_rest
+from dfd.editing.weights import held_part, session_weights
+from dfd.editing.weights.counterparts import Counterpart
 from dfd.export.rig import rig_of
 from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts
@@ -37,8 +34,8 @@ def asked(sample, mesh, monkeypatch):
             found[sample.vertices_of("leg", leg)] = number
         return found
 
-    def labelled(mesh, component, vertex, position, alike, planes):
-        calls.append((vertex, planes()))
+    def labelled(mesh, component, vertex, position, similar, planes):
+        calls.append((vertex, planes))
         found = []
         for number, leg in enumerate(legs_from(vertex)):
             members = sample.vertices_of("leg", leg)
@@ -48,8 +45,8 @@ def asked(sample, mesh, monkeypatch):
         return found
 
     monkeypatch.setattr(Parts, "components", components)
-    monkeypatch.setattr(hold, "find_counterparts", labelled)
-    monkeypatch.setattr(handle_weights, "symmetry_planes", lambda *_: [PLANE])
+    monkeypatch.setattr(held_part, "find_counterparts", labelled)
+    monkeypatch.setattr(session_weights, "symmetry_planes", lambda *_: [PLANE])
     return calls
 
 
@@ -255,35 +252,11 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
     assert np.abs(session.vertices - mesh.vertices).max() > 0.2
 
 
-def test_the_blend_band_widens_if_a_motion_shears_or_shortens_the_limb(mesh, field, sample, foot):
-    features = np.eye(16, dtype=np.float32)[sample.labels]
-    session = dfd.Deformer(mesh, field, features=features)
-    held = session.add(foot)
-    widths, far = [], 0.3 * mesh.diagonal
-    for share in (0.001, 0.1, 1.0):
-        session.move(held, translation=(share * far, 0, 0))
-        weights = session.weights[:, 0]
-        widths.append(((weights > 0.01) & (weights < 0.99)).sum())
-        assert weights[foot] == 1
-        assert session.vertices[foot] == pytest.approx(mesh.vertices[foot] + (share * far, 0, 0))
-        if share < 0.01:
-            narrow = weights.copy()
-    assert widths[0] < widths[-1]
-    # A small rotation about the base moves the border little.
-    session.move(held, translation=(0, 0, 0), rotation=(0, 0.1, 0), pivot="base")
-    np.testing.assert_array_equal(session.weights[:, 0], narrow)
-    own = session.bound.hold(session.handle(held).place).components[0]
-    rest = band_at_rest(own, mesh.diagonal)
-    session.move(held, translation=0.1 * far * own.direction, rotation=(0, 0, 0))
-    lengthened = session.bound.bands(session.edit)[0][0]
-    assert lengthened.outward == pytest.approx(rest.outward)
-    assert lengthened.inward > 2 * rest.inward, "the leg is stretched along its length"
-    # Shortening the leg folds the surface if the band is narrow.
-    session.move(held, translation=-0.1 * far * own.direction)
-    assert ((session.weights[:, 0] > 0.01) & (session.weights[:, 0] < 0.99)).sum() > widths[0]
-    poses = [dfd.KeyPose(1.0, {held: Transform(translation=(far, 0, 0))})]
-    rig = rig_of(session, poses)
-    session.move(held, translation=(far, 0, 0), rotation=(0, 0, 0), pivot="point")
+def test_a_rig_has_the_bands_of_its_widest_pose(mesh, field, sample, foot):
+    session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
+    held, far = session.add(foot), (0.3 * mesh.diagonal, 0, 0)
+    rig = rig_of(session, [dfd.KeyPose(1.0, {held: Transform(translation=far)})])
+    session.move(held, translation=far)
     *_, (_, edit) = rig.moments()
     np.testing.assert_allclose(rig.posed(edit), session.vertices, atol=1e-6)
 
@@ -321,14 +294,3 @@ def test_carriers_and_counterparts_do_not_depend_on_how_far_handles_move(field_o
             session.add(place, translation=share * mesh.diagonal * np.array(direction))
         found.append([(each.along_with, each.counterparts) for each in session.report().handles])
     assert all(each == found[0] for each in found)
-
-
-def test_a_band_of_another_width_has_the_same_counterparts(mesh, field, sample, foot):
-    session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
-    held = session.add(foot)
-    rest, resting = session.counterparts(held), session.handles
-    session.move(held, translation=(0.3 * mesh.diagonal, 0, 0))
-    assert session.bound.bands(session.edit)[0] != session.bound.bands(replace(session.edit, handles=resting))[0]
-    moved = session.counterparts(held)
-    assert [(one.vertex, one.position, on) for one, on in moved] == [(one.vertex, one.position, on) for one, on in rest]
-    assert session.weights[[one.vertex for one, _ in moved], 0].min() > 0.99

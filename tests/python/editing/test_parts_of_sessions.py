@@ -7,10 +7,10 @@ from made_field import field_of
 
 import dfd
 from dfd.editing.edit_file import from_document, to_document
-from dfd.editing.influence import handle_weights
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
+from dfd.editing.weights import session_weights
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):
@@ -104,7 +104,7 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
 
 
 def test_of_many_parts_those_used_last_are_kept(mesh, field, monkeypatch):
-    monkeypatch.setattr(handle_weights, "SPARE", 2)
+    monkeypatch.setattr(session_weights, "SPARE", 2)
     session = dfd.Deformer(mesh, field)
     first, second, third = (place_on(mesh, vertex) for vertex in (0, 300, 900))
     held = [session.bound.hold(place) for place in (first, second, first)]

@@ -6,9 +6,9 @@ from made_field import field_of, made_field
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.points import Place, find, nearest_vertex, place_on
 from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
+from dfd.editing.weights.handle_features import HandleFeatures
 
 
 @pytest.fixture(scope="module")

@@ -21,10 +21,10 @@ from dfd.distillation.settings import DistillSettings
 from dfd.editing.controls import CONTROLS, Controls, controls_of
 from dfd.editing.edit import Handle
 from dfd.editing.edit_file import edit_schema, from_document
-from dfd.editing.influence import handle_features
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.editing.transfer import transfer
+from dfd.editing.weights import handle_features
 from dfd.symmetry.plane import SymmetryPlane
 
 ROOT = Path(__file__).resolve().parents[3]

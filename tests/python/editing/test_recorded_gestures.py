@@ -17,8 +17,8 @@ from recording import rounded, same
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.controls import Controls
-from dfd.editing.influence import handle_features
 from dfd.editing.report import largest_stretch
+from dfd.editing.weights import handle_features
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 

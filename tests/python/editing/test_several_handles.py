@@ -7,8 +7,8 @@ from prepared import sessions_on
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
-from dfd.editing.influence.plan import depths
 from dfd.editing.key_pose import KeyPose
+from dfd.editing.weights.several_handles import depths
 
 FRONT, BEHIND, LEFT = "0.115,0,0.245", "0.115,0,-0.29", "-0.115,0,0.245"
 

@@ -5,9 +5,9 @@ import pytest
 from made_field import field_of, made_field
 
 import dfd
-from dfd.editing.influence import handle_features
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import EditTransfer, transfer
+from dfd.editing.weights import handle_features
 from dfd.field.field import FieldOnMesh
 from dfd.geometry.topology import sample_surface
 from dfd.posing.transforms import Transform

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from sheet import grid
 
 import dfd
-from dfd.editing.influence.hold import hold
+from dfd.editing.weights.held_part import hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.surface_graph import surface_graph
@@ -56,7 +56,7 @@ def test_many_counterparts_on_a_fine_mesh_take_no_column_each():
     component = np.where(component == own, 0, np.where((component >= 0) & (component < own), component + 1, component))
     tracemalloc.start()
     try:
-        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: weights, tuple)
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], weights)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

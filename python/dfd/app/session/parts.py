@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.messages import LadderStep, PartChange
+from dfd.common.kept import Kept
 from dfd.common.linear_algebra import Bool
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
-from dfd.editing.influence.recent import Recent
 from dfd.editing.regions import VertexSet, members
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import scene_parts_and_materials
@@ -28,7 +28,7 @@ class ShapeParts:
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer, self._mesh = deformer, deformer.mesh
-        self._found: Recent[VertexSet] = Recent(MOST_KEPT)
+        self._found = Kept(MOST_KEPT)
         self._origins: dict[VertexSet, int] = {}  # the vertex at which each region was found
 
     @property
@@ -51,7 +51,9 @@ class ShapeParts:
     def at(self, vertex: int, level: int = 0) -> VertexSet:
         """Return the part at a vertex, with its counterparts."""
         parts = self._deformer.bound.parts
-        return self._found.get((vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask))
+        return self._found.get(
+            "part", (vertex, level), lambda: VertexSet.of(self._mesh, parts.part(vertex, level).mask)
+        )
 
     def ladder(self, vertex: int) -> tuple[LadderStep, ...]:
         """Return the parts at a vertex from the smallest to the largest, one for each level.

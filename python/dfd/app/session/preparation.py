@@ -174,7 +174,7 @@ class Preparation:
         self._course = course or Course(len(self._mesh.faces), LEARNED)
         self._progress("prepare", "features")
         from dfd.editing.deformer import Deformer
-        from dfd.editing.influence.handle_features import HandleFeatures
+        from dfd.editing.weights.handle_features import HandleFeatures
         from dfd.field.cache_key import hash_arrays
         from dfd.field.compatibility import check_compatible
         from dfd.field.field import Field

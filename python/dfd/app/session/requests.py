@@ -24,9 +24,9 @@ from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
-from dfd.editing.influence.bendable_parts import BendablePart, pivot_on
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
+from dfd.editing.weights.axis_motions import BendablePart, pivot_on
 from dfd.geometry.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.posing.transforms import PivotAt, vector

@@ -17,8 +17,8 @@ from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
-from dfd.editing.influence.fill import Band, bands_of
 from dfd.editing.regions import Region, members
+from dfd.editing.weights.fill import Band, bands_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane

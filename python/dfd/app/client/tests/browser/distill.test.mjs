@@ -1,24 +1,7 @@
 // Open a mesh without a field. The page shows it at once, learns its features, and then handles can be added.
 import assert from "node:assert/strict";
 
-<<<<<<< HEAD
-import {
-  ready,
-  drawn,
-  hold,
-  launch,
-  learn,
-  open,
-  openTab,
-  PATIENCE,
-  shot,
-  state,
-  until,
-  visibleVertex,
-} from "./page.mjs";
-=======
 import { drawn, hold, learn, open, ready, shot, state, story, test, until, visibleVertex } from "./page.mjs";
->>>>>>> app
 
 let page;
 
@@ -47,8 +30,4 @@ test("a mesh is visible during the learning, and then a click adds a handle", as
   if (early) await until(page, (s) => ![undefined, window.early].includes(s.ladders.get(s.probe?.vertex)));
   await hold(page, [vertex], 1);
   await until(page, (s) => s.columns.size > 0);
-<<<<<<< HEAD
-  assert.deepEqual(problems, []);
-=======
->>>>>>> app
 });

@@ -1,11 +1,7 @@
 // What the hand does to the model: scale, snap, bends, and that buttons do what they say.
 import assert from "node:assert/strict";
 
-<<<<<<< HEAD
-import { eventually, hold, launch, openShape, openTab, PATIENCE, pull, shot, state, until } from "./page.mjs";
-=======
 import { eventually, pull, shot, state, story, test, until } from "./page.mjs";
->>>>>>> app
 
 let page;
 

@@ -10,28 +10,18 @@ import { createInterface } from "node:readline";
 import { after, before } from "node:test";
 
 import {
-<<<<<<< HEAD
-=======
   ALIKE,
   choose,
->>>>>>> app
   drag,
   eventually,
   hold,
   launch,
   openTab,
-<<<<<<< HEAD
-  PATIENCE,
-=======
->>>>>>> app
   ready,
   shapeSentAgain,
   shot,
   state,
-<<<<<<< HEAD
-=======
   test,
->>>>>>> app
   until,
 } from "./page.mjs";
 

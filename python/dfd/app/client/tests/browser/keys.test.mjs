@@ -1,47 +1,20 @@
 // Keys and the wheel: steps of parts before the click, typed motions, views, the list of undo steps, dropped files.
 import assert from "node:assert/strict";
 
-<<<<<<< HEAD
-import {
-  drag,
-  eventually,
-  hold,
-  launch,
-  openShape,
-  openTab,
-  PATIENCE,
-  shot,
-  state,
-  until,
-  visibleVertex,
-} from "./page.mjs";
-=======
 import { ALIKE, choose, drag, eventually, hold, shot, state, story, test, until, visibleVertex } from "./page.mjs";
->>>>>>> app
 
 let page;
 
 story((tab) => ({ page } = tab));
 
-<<<<<<< HEAD
-after(() => browser?.close());
-
-=======
->>>>>>> app
 /** Wait until the line that says what to do next matches. */
 const hints = (words) => eventually(async () => assert.match(await page.locator(".status .hint").textContent(), words));
 const handle = () => state(page, (s) => s.edit.handles[0]);
 const heat = () => page.evaluate(() => window.dfd.heat());
 
-<<<<<<< HEAD
-test("the wheel and keys step through the parts before a click", { timeout: PATIENCE }, async () => {
-  await hints(/^Click a part/);
-  const { vertex, at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
-=======
 test("the wheel and keys step through the parts before a click", async () => {
   await hints(/^Click a part/);
   const { vertex, at } = await visibleVertex(page, ALIKE);
->>>>>>> app
   await page.mouse.move(at[0] + 1, at[1]);
   await page.mouse.move(...at);
   const known = () => until(page, (s) => s.probe?.exact && s.ladders.get(s.probe.vertex));
@@ -73,34 +46,6 @@ test("the wheel and keys step through the parts before a click", async () => {
   await hints(/^Drag an arrow · \[ \] smaller or larger/);
 });
 
-<<<<<<< HEAD
-test(
-  "the weights of a handle at rest are those that a pointer showed before the click",
-  { timeout: PATIENCE },
-  async () => {
-    await page.keyboard.press("Delete");
-    await until(page, (s) => s.edit.handles.length === 0);
-    const { at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
-    await page.mouse.move(at[0] + 1, at[1]);
-    await page.mouse.move(...at);
-    await until(page, (s) => s.probe?.exact);
-    await until(page, () => window.dfd.rests());
-    const shown = await heat();
-    await page.mouse.click(...at);
-    await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
-    await page.mouse.move(4, 300);
-    await until(page, (s) => s.probe === null && window.dfd.rests());
-    const held = await eventually(async () => {
-      const now = await heat();
-      const off = Math.max(...Object.values(shown).map((each, i) => Math.abs(each - now[i])));
-      assert.ok(off < 0.001, `a weight differs by ${off}`);
-      return Object.values(now);
-    });
-    const between = held.filter((each) => each > 0.1 && each < 0.9).length;
-    assert.ok(between > 0, "the weights end as a sharp edge, unlike those of a drag");
-  },
-);
-=======
 test("the weights of a handle at rest are those that a pointer showed before the click", async () => {
   await page.keyboard.press("Delete");
   await until(page, (s) => s.edit.handles.length === 0);
@@ -123,7 +68,6 @@ test("the weights of a handle at rest are those that a pointer showed before the
   const between = held.filter((each) => each > 0.1 && each < 0.9).length;
   assert.ok(between > 0, "the weights end as a sharp edge, unlike those of a drag");
 });
->>>>>>> app
 
 test("the wheel beside the shape zooms, and so does Ctrl with the wheel", async () => {
   const camera = () => page.evaluate(() => window.dfd.camera());

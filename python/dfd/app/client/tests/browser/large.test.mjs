@@ -38,46 +38,7 @@ test("while a shape opens, the page shows a sign until it is drawn and can be he
   assert.ok((await page.evaluate(() => window.signs)) > 2);
 });
 
-<<<<<<< HEAD
-after(() => browser?.close());
-
-test(
-  "while a shape opens, the page shows a sign until it is drawn and can be held",
-  { timeout: PATIENCE },
-  async () => {
-    await page.evaluate(() => {
-      window.bare = [];
-      const { store } = window.dfd;
-      // The page may need some frames until it shows a sign for a new state.
-      const since = {};
-      const tell = (what, is) => {
-        since[what] = is ? (since[what] ?? performance.now()) : undefined;
-        if (is && performance.now() - since[what] > 300) window.bare.push(what);
-      };
-      const look = () => {
-        const { page, drawn, edit, progress, uploading } = store.get();
-        const waits = (page === "shape" && !(drawn && edit?.field.status === "ready")) || progress !== null;
-        const sign = document.querySelector(".card.progress progress") !== null;
-        const said = document.querySelector(".status .link")?.textContent;
-        tell("no bar", waits && !sign);
-        tell("Saved", !(drawn && edit?.field.status === "ready") && said === "Saved");
-        if (!uploading && (waits || sign)) window.signs = (window.signs ?? 0) + 1;
-        if (waits || page !== "shape") setTimeout(look, 10);
-      };
-      look();
-    });
-    await open(page, [process.env.DFD_LARGE, process.env.DFD_FIELD]);
-    await ready(page);
-    await until(page, (s) => s.drawn && s.progress === null);
-    assert.deepEqual(await page.evaluate(() => [...new Set(window.bare)]), []);
-    assert.ok((await page.evaluate(() => window.signs)) > 2);
-  },
-);
-
-test("a drag takes little script time, and its pose equals that of the kernel", { timeout: 2 * PATIENCE }, async () => {
-=======
 test("a drag takes little script time, and its pose equals that of the kernel", async () => {
->>>>>>> app
   await hold(page, null, 1);
   await page.evaluate(() => (window.times = window.dfd.drawingTimes()));
   await drag(page, [0, -50], -60);

@@ -61,11 +61,8 @@ export async function openTab(browser, options = {}, address = URL_WITH_TOKEN) {
     () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
   );
   page.setDefaultTimeout(PATIENCE);
-<<<<<<< HEAD
-=======
   // With a listener from the beginning, the browser surely passes on the first dialog that chooses files.
   page.on("filechooser", () => undefined);
->>>>>>> app
   const [problems, sent] = [[], []];
   page.on("websocket", (socket) => socket.on("framesent", ({ payload }) => sent.push(JSON.parse(payload).type)));
   page.on("pageerror", (error) => problems.push(error.message));

@@ -1,20 +1,6 @@
 // The part that a handle holds: hold it, resize it, add or remove parts, and limit the motion to it.
 import assert from "node:assert/strict";
-<<<<<<< HEAD
-import { after, before, test } from "node:test";
-import { eventually, hold, launch, openShape, openTab, shot, state, until, visibleVertex } from "./page.mjs";
-
-let browser, page, problems;
-before(async () => {
-  browser = await launch();
-  ({ page, problems } = await openTab(browser));
-  await openShape(page);
-  await until(page, (s) => s.edit.field.parts.length > 0);
-});
-after(() => browser.close());
-=======
 import { ALIKE, eventually, hold, shot, state, story, test, until, visibleVertex } from "./page.mjs";
->>>>>>> app
 
 let page;
 story((tab) => ({ page } = tab));

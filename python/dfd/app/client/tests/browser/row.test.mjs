@@ -2,37 +2,13 @@
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 
-<<<<<<< HEAD
-import {
-  drag,
-  eventually,
-  hold,
-  launch,
-  openShape,
-  openTab,
-  PATIENCE,
-  pull,
-  shot,
-  state,
-  until,
-  visibleVertex,
-} from "./page.mjs";
-=======
 import { choose, drag, eventually, pull, shot, state, story, test, until, visibleVertex } from "./page.mjs";
->>>>>>> app
 
 let page;
 
 story((tab) => ({ page } = tab), { held: true });
 
-<<<<<<< HEAD
-after(() => browser?.close());
-
-const heat = () =>
-  page.evaluate(() => window.dfd.positions().reduce((most, each, i) => (i % 4 === 3 ? Math.max(most, each) : most), 0));
-=======
 const heat = () => page.evaluate(() => Math.max(...window.dfd.heat()));
->>>>>>> app
 /** Wait until the largest heat is in a range. */
 const warms = (least, most, message) =>
   eventually(async () => {
@@ -126,24 +102,6 @@ async function picture(item) {
     .catch((error) => ({ error: error.message }));
 }
 
-<<<<<<< HEAD
-test(
-  "a picture has no colors of weights and no gizmo, and no background on request",
-  { timeout: PATIENCE },
-  async () => {
-    await page.keyboard.press("0");
-    await until(page, (s) => !s.edit.handles[0].moved);
-    await warms(0.9, 1, "a handle at rest does not show what follows");
-    const plain = await picture("Save a picture");
-    assert.equal(plain.corner[3], 255);
-    assert.equal(plain.solid, plain.size);
-    assert.ok(plain.colored < 20, `${plain.colored} pixels are colored`);
-    const cut = await picture("Without background");
-    assert.equal(cut.corner[3], 0);
-    assert.ok(cut.solid > 0.02 * cut.size && cut.solid < 0.9 * cut.size, `${cut.solid} of ${cut.size} pixels`);
-  },
-);
-=======
 test("a picture has no colors of weights and no gizmo, and no background on request", async () => {
   await page.keyboard.press("0");
   await until(page, (s) => !s.edit.handles[0].moved);
@@ -156,7 +114,6 @@ test("a picture has no colors of weights and no gizmo, and no background on requ
   assert.equal(cut.corner[3], 0);
   assert.ok(cut.solid > 0.02 * cut.size && cut.solid < 0.9 * cut.size, `${cut.solid} of ${cut.size} pixels`);
 });
->>>>>>> app
 
 test("while points are fixed, colors show what stays", async () => {
   await page.getByRole("button", { name: "Fix points" }).click();

@@ -4,28 +4,16 @@ import assert from "node:assert/strict";
 import {
   drawn,
   eventually,
-<<<<<<< HEAD
-  hold,
-  launch,
-  openShape,
-  openTab,
-  PATIENCE,
-=======
   exportFile,
->>>>>>> app
   pull,
   shaderError,
   shot,
   state,
   still,
-<<<<<<< HEAD
-  until,
-=======
   story,
   test,
   until,
   writeShown,
->>>>>>> app
 } from "./page.mjs";
 
 let page;
@@ -88,36 +76,10 @@ test("a moment of the timeline is exported as the page shows it, half bent", asy
   // The edit is at rest, so the server computes a pose only for this moment.
   await until(page, (s) => s.posed !== null);
   await shot(page, "moment");
-<<<<<<< HEAD
-  const seen = await page.evaluate(() => {
-    const positions = window.dfd.positions();
-    const { mesh } = window.dfd.store.get();
-    const posed = Array.from({ length: 3 * mesh.vertices }, () => 0);
-    window.dfd.vertices().forEach((each, row) => {
-      for (let i = 0; i < 3; i++) posed[3 * each + i] = positions[4 * row + i] + mesh.center[i];
-    });
-    return posed;
-  });
-  const folder = process.env.DFD_OUT;
-  for (const [format, name] of [
-    ["GLB", "quadruped_edited.glb"],
-    ["Rig", "quadruped_rig.glb"],
-    ["Weights", "quadruped_weights.npz"],
-  ]) {
-    await page.getByRole("button", { name: "Export" }).click();
-    if (format === "GLB") await shot(page, "export-menu");
-    const item = page.getByRole("menuitem", { name: new RegExp(`^${format}`) });
-    const [download] = await Promise.all([page.waitForEvent("download"), item.click()]);
-    assert.equal(download.suggestedFilename(), name);
-    await page.getByText(`${name} is saved`).waitFor();
-    await copyFile(await download.path(), join(folder, name.replace("edited", "moment")));
-  }
-=======
   await writeShown(page, "moment.json");
   await exportFile(page, "GLB", "quadruped_edited.glb", "quadruped_moment.glb");
   await exportFile(page, "Rig", "quadruped_rig.glb");
   await exportFile(page, "Weights", "quadruped_weights.npz");
->>>>>>> app
   await page.evaluate(() => window.dfd.store.set({ toasts: [] }));
   assert.ok(Math.hypot(...bend) > 2);
   assert.equal((await handle()).moved, false, "the timeline must not change the edit");
@@ -167,46 +129,6 @@ test("X-ray makes the shape transparent, and isolate shows only the held part", 
   await until(page, (s) => !s.isolated && s.selected !== null);
 });
 
-<<<<<<< HEAD
-test(
-  "a box selects the visible vertices in it, and with X-ray also the hidden vertices",
-  { timeout: PATIENCE },
-  async () => {
-    await still(page);
-    const canvas = await page.locator("canvas").first().boundingBox();
-    const draw = async () => {
-      await page.mouse.move(canvas.x + 0.3 * canvas.width, canvas.y + 0.2 * canvas.height);
-      await page.mouse.down();
-      await page.mouse.move(canvas.x + 0.5 * canvas.width, canvas.y + 0.5 * canvas.height);
-      await page.mouse.move(canvas.x + 0.6 * canvas.width, canvas.y + 0.6 * canvas.height);
-      await page.waitForTimeout(50);
-      await shot(page, "box");
-      await page.mouse.up();
-      await until(page, (s) => s.painted !== null);
-      const { count } = await state(page, (s) => ({ count: s.painted.count }));
-      return count;
-    };
-    await page.keyboard.press("m");
-    const seen = await draw();
-    await page.mouse.move(4, 300);
-    await settled();
-    await shot(page, "boxed");
-    await page.keyboard.press("Escape");
-    await until(page, (s) => s.painted === null && s.tool === "hold");
-    await page.keyboard.press("v");
-    await page.keyboard.press("m");
-    const through = await draw();
-    assert.ok(seen > 20 && through > 1.3 * seen, `${seen} of ${through}`);
-    await page.getByRole("button", { name: "Fix", exact: true }).click();
-    await until(page, (s, count) => s.edit.fixed[0]?.region === count, through);
-    await page.keyboard.press("v");
-  },
-);
-
-test("the page reported no errors", () => {
-  assert.ok(Number.isInteger(vertex));
-  assert.deepEqual(problems, []);
-=======
 test("a box selects the visible vertices in it, and with X-ray also the hidden vertices", async () => {
   await still(page);
   const canvas = await page.locator("canvas").first().boundingBox();
@@ -236,5 +158,4 @@ test("a box selects the visible vertices in it, and with X-ray also the hidden v
   await page.getByRole("button", { name: "Fix", exact: true }).click();
   await until(page, (s, count) => s.edit.fixed[0]?.region === count, through);
   await page.keyboard.press("v");
->>>>>>> app
 });

@@ -1,24 +1,11 @@
 // The start page: kept edits have pictures, and are renamed, copied, deleted and restored; samples begin anew.
 import assert from "node:assert/strict";
 
-<<<<<<< HEAD
-import { drag, eventually, hold, launch, openTab, PATIENCE, ready, shot, state, until } from "./page.mjs";
-
-let browser, page, problems, sent;
-
-before(async () => {
-  browser = await launch();
-  ({ page, problems, sent } = await openTab(browser));
-});
-
-after(() => browser?.close());
-=======
 import { choose, drag, eventually, hold, ready, shot, state, story, test, until } from "./page.mjs";
 
 let page, sent;
 
 story((tab) => ({ page, sent } = tab), { shape: false });
->>>>>>> app
 
 const recent = () => page.getByRole("region", { name: "Recent" }).getByRole("listitem");
 const sample = () => page.getByRole("region", { name: "Samples" }).getByRole("button", { name: "Chair" }).click();
@@ -83,11 +70,4 @@ test("starting fresh keeps the edit and can be undone", async () => {
   await until(page, (s) => s.edit.handles.length === 1);
   await close();
   await eventually(async () => assert.equal(await recent().count(), 3));
-<<<<<<< HEAD
-});
-
-test("the page reported no errors", () => {
-  assert.deepEqual(problems, []);
-=======
->>>>>>> app
 });

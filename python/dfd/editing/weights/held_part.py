@@ -4,20 +4,18 @@ The depth of a place is its distance from the border of the part along the surfa
 Distances never cross a gap, such as a gap between lips, teeth or fingers. Nothing here depends on a handle's motion.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
-from dfd.editing.influence.contacts import Attachment, Contact, attachments, with_hanging
-from dfd.editing.influence.counterparts import Counterpart, find_counterparts, shares_everywhere
+from dfd.editing.weights.contacts import Attachment, Contact, attachments, with_hanging
+from dfd.editing.weights.counterparts import Counterpart, find_counterparts
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
@@ -35,22 +33,25 @@ BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by t
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """A connected component of a part, such as a leg, at rest. Lengths are in mesh units."""
+    """A connected component of a part, such as a leg, at rest. Lengths are in mesh units.
+
+    Letters are those of Eq. 9 to 12 in docs/how_it_works/method.md.
+    """
 
     counterpart: Counterpart  # the handle itself, or the place on this component that corresponds to it
     border: Float64  # (B, 3) points of the component's border; none if a whole piece of the mesh is the component
     direction: Float64  # (3,) unit vector from the border to the middle; 0 if there is no border, or more than one
-    radius: float  # mean radius of the borders (`OUTSIDE`); 0 without a border
-    outward: float  # largest distance of the band's outer end from the border
-    inward: float  # largest distance of the band's inner end from the border
-    room: float  # `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    radius: float  # r: mean radius of the borders (`OUTSIDE`); 0 without a border
+    outward: float  # O: largest distance of the band's outer end from the border
+    inward: float  # N: largest distance of the band's inner end from the border
+    room: float  # ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
     core: Share  # the vertices beyond the inner end of every band, and their share of the motion
     vertices: Int32  # (M,) vertices that a band can contain
-    depth: Float32  # (M,) their depths
-    share: Float32  # (M,) their share of the motion: below 1 near another component that touches this one
+    depth: Float32  # (M,) d: their depths
+    share: Float32  # (M,) s: their share of the motion: below 1 near another component that touches this one
     kept: tuple[Contact, ...] = ()  # contacts with surface outside the part that stay in place; see `Attachment`
-    apart: Float32 | None = None  # (M,) distances of `vertices` from the kept contacts
-    free: float = 0.0  # largest distance of the inner end of the band at the kept contacts from them
+    apart: Float32 | None = None  # (M,) a: distances of `vertices` from the kept contacts
+    free: float = 0.0  # A: largest distance of the inner end of the band at the kept contacts from them
     drawing: tuple[Contact, ...] = ()  # contacts at which the touched surface follows
     drawn: Float32 | None = None  # (D,) distances from these contacts; the last D of `vertices` lie on touched surface
     drawn_reach: float = 0.0  # largest distance of the outer end of the band on touched surface
@@ -71,35 +72,28 @@ class Component:
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class HeldPart:
     """The part at a place, at rest: the component at the place, then the others by decreasing similarity."""
 
     components: tuple[Component, ...]
-    level: int  # the asked level, or the nearest one that exists
-    _nodes: Nodes
-    _component: Int64  # (N,) component of each mesh node; −1 outside the part
-    _diagonal: float
-
-    @cached_property
-    def everywhere(self) -> list[Share]:
-        """Return the share of each component at every vertex, for weights that do not end at the part's border."""
-        return shares_everywhere(self._nodes, self._component, self._diagonal)
+    nodes: Nodes
+    component_of_node: Int64  # (N,) component of each mesh node; −1 outside the part
 
     def area(self, number: int) -> float:
         """Return the area of a component, as a fraction of the area of the surface."""
-        return float(self._nodes.area[self._component == number].sum() / self._nodes.area.sum())
+        return float(self.nodes.area[self.component_of_node == number].sum() / self.nodes.area.sum())
 
     def components_of(self, vertices: Int64) -> Int64:
         """Return the component that contains each of `vertices` (N,), or −1."""
-        return self._component[self._nodes.of_vertex[vertices]]
+        return self.component_of_node[self.nodes.of_vertex[vertices]]
 
     def at(self, vertex: int) -> int:
         """Return the index of the component that contains a vertex, or else of the one with the nearest counterpart."""
-        inside = int(self._component[self._nodes.of_vertex[vertex]])
+        inside = int(self.component_of_node[self.nodes.of_vertex[vertex]])
         if inside >= 0:
             return inside
         places = np.array([one.counterpart.position for one in self.components])
-        return int(np.linalg.norm(places - self._nodes.center[self._nodes.of_vertex[vertex]], axis=1).argmin())
+        return int(np.linalg.norm(places - self.nodes.center[self.nodes.of_vertex[vertex]], axis=1).argmin())
 
 
 def hold(
@@ -107,33 +101,32 @@ def hold(
     component: Int64,
     vertex: int,
     position: Sequence[float],
-    level: int,
-    alike: Callable[[], Float32],
-    planes: Callable[[], Sequence[SymmetryPlane]],
+    similar: Float32 | None = None,
+    planes: Sequence[SymmetryPlane] = (),
     region: Int64 | None = None,
     *,
     detach: bool = False,
-) -> Holding:
+) -> HeldPart:
     """Return the part at a vertex. `component` (N,) is the result of `Parts.components`.
 
-    `alike` returns the weights (V,) of the handle by features alone (Eq. 4 and 5), and `planes` the planes of symmetry
-    of the shape. Both are called only if the part has several components. If the handle is a region, the bands of its
+    `similar` (V,) are the weights of the handle by features alone (Eq. 4 and 5), and `planes` the planes of symmetry of
+    the shape. Both are needed only if the part has several components. If the handle is a region, the bands of its
     component end outside the vertices `region` (R,). With `detach`, nothing hangs on the part, and no contact holds it.
     """
     nodes = nodes_of(mesh)
     component = joined(nodes, component)
     component = (component if detach else with_hanging(nodes, component))[nodes.follows]
-    found = find_counterparts(mesh, component, vertex, position, alike, planes)
-    numbers = [number for number, _ in found]
-    component = _renumbered(nodes, component, numbers)
-    counterparts = [one for _, one in found]
+    found = find_counterparts(mesh, component, vertex, position, similar, planes)
+    rank = np.full(component.max() + 2, -1)  # the last entry is for nodes outside the part
+    rank[[number for number, _ in found]] = np.arange(len(found))
+    component, counterparts = rank[component], [one for _, one in found]
     held = [nodes.of_vertex[[one.vertex]].astype(np.int64) for one in counterparts]
     if region is not None:
         at = nodes.of_vertex[region]
         held[0] = np.unique(at[component[at] == 0]).astype(np.int64)
     attached = [None] * len(held) if detach else attachments(nodes, component, held)
     components = _components(nodes, component, vertex, counterparts, region, attached)
-    return Holding(components, level, nodes, component, mesh.diagonal)
+    return HeldPart(components, nodes, component)
 
 
 def joined(nodes: Nodes, component: Int64) -> Int64:
@@ -166,17 +159,6 @@ def _in_box(points: Float64, others: Float64) -> Bool:
     own, along = (points - center) @ axes.T, (others - center) @ axes.T
     margin = BOX_MARGIN * np.ptp(own, axis=0)
     return ((along >= own.min(axis=0) - margin) & (along <= own.max(axis=0) + margin)).all(axis=1)
-
-
-def _renumbered(nodes: Nodes, component: Int64, numbers: Sequence[int]) -> Int64:
-    """Return `component` (N,) with the components `numbers` as 0, 1, … . Others join the nearest of these."""
-    rank = np.full(component.max() + 2, -2)
-    rank[list(numbers)], rank[-1] = np.arange(len(numbers)), -1
-    result = rank[component]
-    if len(lost := np.flatnonzero(result == -2)):
-        known = np.flatnonzero(result >= 0)
-        result[lost] = result[known[cKDTree(nodes.center[known]).query(nodes.center[lost])[1]]]
-    return result
 
 
 def _components(

@@ -4,25 +4,20 @@ If all legs rotated about the handle's pivot, the distant legs would move along 
 own pivot, which corresponds to the handle's pivot. If two legs are mirror images, their motions are mirror images too.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
-from dfd.geometry.coarse import Nodes, Share, nodes_of
+from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
+from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
 from dfd.symmetry.plane import SymmetryPlane
 
-# If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
-SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
-SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
 # The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
 # largest weight of the component.
 IMAGE_TOLERANCE = 0.05
@@ -73,19 +68,20 @@ def find_counterparts(
     component: Int64,
     vertex: int,
     position: Sequence[float],
-    alike: Callable[[], Float32],
-    planes: Callable[[], Sequence[SymmetryPlane]],
+    similar: Float32 | None,
+    planes: Sequence[SymmetryPlane],
 ) -> list[tuple[int, Counterpart]]:
     """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
 
     `component` (N,) is the component of the part that contains each mesh node; the handle lies on component 0. Return
-    the number and the counterpart of each component, by decreasing similarity. `alike` and `planes` are as in `hold`.
+    the number and the counterpart of each component, by decreasing similarity. `similar` and `planes` are as in `hold`.
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3))]
     if component.max(initial=0) == 0:
         return [(0, found[0])]
-    nodes, weights, known_planes = nodes_of(mesh), alike(), planes()
+    assert similar is not None, "a part with several components needs features"
+    nodes, weights = nodes_of(mesh), similar
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
     best = np.full(component.max() + 2, -np.inf)  # the last entry is for nodes outside the part
     np.maximum.at(best, component, on_nodes)
@@ -93,7 +89,7 @@ def find_counterparts(
     others = np.argsort(-best, kind="stable")[: int(np.isfinite(best).sum())].tolist()
     surfaces = _surfaces(mesh, component[nodes.of_vertex], [0, *others])
     for index, number in enumerate(others, 1):
-        image = _image(surfaces[index], surfaces, found, known_planes)
+        image = _image(surfaces[index], surfaces, found, planes)
         if image is not None:
             x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
             peak, frame = int(nodes.nearest((x, y, z))[0]), image[:, :3]
@@ -101,7 +97,7 @@ def find_counterparts(
             most = int(np.where(component == number, on_nodes, -np.inf).argmax())
             members = nodes.members[nodes.starts[most] : nodes.ends[most]]
             peak = int(members[weights[members].argmax()])
-            peak, frame = _corresponding(mesh, component == number, weights, peak, found, known_planes)
+            peak, frame = _corresponding(mesh, component == number, weights, peak, found, planes)
             x, y, z = mesh.vertices[peak].tolist()
             one, other = surfaces[0], surfaces[index]
             if one is not None and other is not None and _is_round(one) and _is_round(other):
@@ -112,16 +108,16 @@ def find_counterparts(
     return list(zip([0, *others], found, strict=True))
 
 
-def _surfaces(mesh: Mesh, component: Int64, chosen: Sequence[int]) -> list[Component | None]:
+def _surfaces(mesh: Mesh, component: Int64, chosen: Sequence[int]) -> list[SurfaceSamples | None]:
     """Return samples of the surface of each component in `chosen`. `component` (V,) is the component of each vertex."""
     of_corner = component[mesh.faces]
     of_face = np.where((of_corner == of_corner[:, :1]).all(axis=1), of_corner[:, 0], -1)
-    return [component_of(mesh.vertices, mesh.faces[of_face == number]) for number in chosen]
+    return [samples_of(mesh.vertices, mesh.faces[of_face == number]) for number in chosen]
 
 
 def _image(
-    surface: Component | None,
-    surfaces: Sequence[Component | None],
+    surface: SurfaceSamples | None,
+    surfaces: Sequence[SurfaceSamples | None],
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> Float64 | None:
@@ -143,7 +139,7 @@ def _image(
     return None
 
 
-def _is_round(surface: Component) -> bool:
+def _is_round(surface: SurfaceSamples) -> bool:
     """Return whether a component is a disk or a ball: its two largest principal variances are about equal."""
     values = np.linalg.eigvalsh(np.cov(surface.points.T))
     return bool(values[1] > ROUND * values[2])
@@ -175,25 +171,3 @@ def _corresponding(
         if ours * theirs < 0:
             frame = plane.reflection[:3, :3] @ frame
     return peak, frame
-
-
-def shares_everywhere(nodes: Nodes, component: Int64, diagonal: float) -> list[Share]:
-    """Return the share of each counterpart at every vertex. It is 1 on the component of the counterpart.
-
-    `component` (N,) is the component of each mesh node, and `diagonal` that of the bounding box, in mesh units.
-    """
-    components = [np.flatnonzero(component == number) for number in range(component.max(initial=0) + 1)]
-    shares = np.empty((len(components), len(nodes.center)))
-    for row, members in zip(shares, components, strict=True):
-        distance = dijkstra(nodes.graph, indices=members, min_only=True)
-        # Nodes without a path to the component get the straight distance plus the diagonal, so they count as farther.
-        if len(apart := np.flatnonzero(np.isinf(distance) & nodes.used)):
-            straight = cKDTree(nodes.center[members]).query(nodes.center[apart])[0]
-            distance[apart] = straight + diagonal
-        row[:] = (distance / diagonal + 1e-4) ** -SHARE_POWER
-    shares[0, ~nodes.used] = 1.0
-    shares /= shares.max(axis=0)
-    shares -= SHARE_CUTOFF
-    np.maximum(shares, 0.0, out=shares)
-    shares /= shares.sum(axis=0)
-    return nodes.shares(shares)

@@ -11,9 +11,8 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.fill import Band, weights_at
-from dfd.editing.influence.hold import Component
-from dfd.editing.influence.plan import Column
+from dfd.editing.weights.fill import Band, Column, weights_at
+from dfd.editing.weights.held_part import Component
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.mesh.mesh import Mesh
@@ -66,15 +65,10 @@ def bendable_parts(
     `weights` (V, C) are the weights of the handle's `columns` at rest, the handle itself first. On the other side of
     `plane`, the plane of symmetry of the edit, the handle acts mirrored.
     """
-    pieces = [
-        piece
-        for index, column in enumerate(columns)
-        if len(column.pieces) == 1
-        for piece in _pieces(axes, weights[:, index], [(weights[:, index], column)], anchor)
-    ]
-    if not all(len(column.pieces) == 1 for column in columns):
-        # One component can contain several counterparts, such as fingers of a hand. So the sum of columns is used.
-        pairs = [(weights[:, index], column) for index, column in enumerate(columns)]
+    pairs = [(weights[:, index], column) for index, column in enumerate(columns)]
+    if all(column.component is not None for column in columns):
+        pieces = [piece for pair in pairs for piece in _pieces(axes, pair[0], [pair], anchor)]
+    else:  # one component can contain several counterparts, such as fingers of a hand
         pieces = _pieces(axes, weights.sum(axis=1), pairs, anchor)
     own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
     pieces = [*pieces[own : own + 1], *pieces[:own], *pieces[own + 1 :]]
@@ -129,8 +123,8 @@ def _part(
         parameter = 1.0 - parameter if reversed_ else parameter
     elif axis is not own:
         turn = _turn(frame @ own.direction, axis.direction)
-    if not slender and len(column.pieces) == 1:
-        vertices, parameter = _rising(column.pieces[0].component)
+    if not slender and column.component is not None:
+        vertices, parameter = _rising(column.component)
     carry = flat @ turn @ (handedness * frame)  # rotation vectors are pseudovectors
     return BendablePart(axis, slender, amount, carry, handedness, Sections(vertices, parameter), across)
 

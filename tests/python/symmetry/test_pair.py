@@ -7,26 +7,26 @@ from made_tube import tube
 from scipy.spatial import cKDTree
 
 import dfd
-from dfd.editing.influence import mirror_images as module
-from dfd.editing.influence.mirror_images import Component, component_of, mirror_image
 from dfd.posing.transforms import rotation_matrix
+from dfd.symmetry import pair as module
+from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
 from dfd.symmetry.plane import SymmetryPlane
 
 
-def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> Component:
-    found = component_of(vertices, mesh.faces)
+def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> SurfaceSamples:
+    found = samples_of(vertices, mesh.faces)
     assert found is not None
     return found
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[Component, Component]:
+def pair() -> tuple[SurfaceSamples, SurfaceSamples]:
     """Return a hook and its mirror image in `plane_of()`."""
     mesh = hook()
     return sampled(mesh, mesh.vertices), sampled(mesh, plane_of().reflect(mesh.vertices))
 
 
-def error(found: np.ndarray | None, one: Component) -> float:
+def error(found: np.ndarray | None, one: SurfaceSamples) -> float:
     """Return the largest distance between the image of a component and its true mirror image, in its sizes."""
     assert found is not None
     images = one.points @ found[:, :3].T + found[:, 3]
@@ -75,13 +75,13 @@ def test_ends_that_differ_do_not_move_the_plane(pair):
     mesh = hook()
     images = plane_of().reflect(mesh.vertices)
     cut = mesh.faces[(mesh.vertices[mesh.faces].max(axis=1) < (0.93, 9, 9)).all(axis=1)]
-    other = component_of(images, cut)
+    other = samples_of(images, cut)
     assert other is not None
     assert error(mirror_image(pair[0], other, [plane_of(0, 0.9)]), pair[0]) < 0.06
 
 
 def test_faces_without_area_are_no_component():
-    assert component_of(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)) is None
+    assert samples_of(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)) is None
 
 
 @pytest.mark.parametrize(("lean", "found"), [(0.05, True), (0.0, False)])
@@ -104,11 +104,11 @@ def test_the_plane_between_two_components_does_not_depend_on_the_unit(unit):
     np.testing.assert_allclose(found[:, 3] / unit, plane.reflection[:3, 3], atol=0.01)
 
 
-def reflected(one: Component, plane: SymmetryPlane) -> Component:
+def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
     """Return the exact mirror images of the samples of a component."""
     points = plane.reflect(one.points)
     normals = one.normals @ plane.reflection[:3, :3]
-    return Component(points, normals, cKDTree(points), one.size)
+    return SurfaceSamples(points, normals, cKDTree(points), one.size)
 
 
 def test_from_the_true_plane_the_fit_does_not_move(pair):
@@ -155,9 +155,9 @@ def test_the_misfit_is_the_distance_from_tangent_planes_nearby_and_from_samples_
     """Two flat strips, of which one is twice as long, and a third one beside them."""
     random = np.random.default_rng(0)
 
-    def strip(length: float, height: float) -> Component:
+    def strip(length: float, height: float) -> SurfaceSamples:
         points = np.column_stack([random.uniform(0, length, 800), random.uniform(0, 0.3, 800), np.full(800, height)])
-        return Component(points, np.tile([0.0, 0, 1], (800, 1)), cKDTree(points), float(np.hypot(length, 0.3)))
+        return SurfaceSamples(points, np.tile([0.0, 0, 1], (800, 1)), cKDTree(points), float(np.hypot(length, 0.3)))
 
     one, long, above = strip(1, 0), strip(2, 0), strip(1, 0.05)
     assert module._misfit(one, above, np.eye(3, 4)) == pytest.approx(0.05 / one.size, rel=1e-6)

@@ -1,101 +1,42 @@
-"""Plan which handle moves which component, for all handles together, before any motion is known.
+"""Share components among several handles that move: opened only with two or more of them.
 
 A component follows the handle that lies on it. If no handle lies on it, it follows the first handle of which it is a
 counterpart. So each component has one owner, and a counterpart never takes weight from a handle. A component inside
 another component follows the handles of both.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.edit import Edit
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.hold import Component
-from dfd.geometry.coarse import Share
+from dfd.editing.edit import Edit, Handle
+from dfd.editing.weights.fill import Column, filled_at_rest, whole
+from dfd.geometry.coarse import nodes_of
+from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_IOU = 0.5  # two components count as the same if their intersection over union is above this
 LEAST_NESTED = 0.8  # component A is nested in component B if more than this fraction of A lies in B
+TAKEN_OVER = 0.95  # a new handle takes over the motion of a component if its own has at least this IoU with it
+
+Crowd = tuple[tuple[int, ...], Int64]  # a group of columns, and the vertices (N,) at which their sum may be above 1
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A component that a column moves, and the factors of its weights, which do not depend on the motion."""
+def shared(
+    columns: Sequence[Column], vertex_of: dict[int, int], mesh: Mesh
+) -> tuple[tuple[Column, ...], tuple[Crowd, ...]]:
+    """Assign each component to one of the moving handles, so that every handle reaches its target.
 
-    component: Component
-    core: Share  # the weights beyond the inner end of every band
-    factor: Float32  # (M,) factor of the weights at `Component.vertices`
-
-    def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Piece:
-        """Return the piece with all weights multiplied by `factor`, a function of vertices (N,)."""
-        inside = Share(self.component.vertices, self.factor)
-        return Piece(self.component, _scaled(self.core, factor), _scaled(inside, factor).values)
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    """One column of the weights (V, C): the handle and the counterpart to which it belongs."""
-
-    handle: int  # index of the handle in the edit
-    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot and this column
-    pieces: tuple[Piece, ...] = ()  # components whose weights depend on the motion, because they have bands
-    still: Share | None = None  # weights that do not depend on the motion; None if there are pieces
-    carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
-    depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
-
-    def matrix(self, edit: Edit) -> Float64:
-        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
-        handle = edit.handles[self.handle]
-        return self.counterpart.transform(handle.matrix, handle.place.position)
-
-    def scaled(self, factor: Callable[[NDArray[np.integer]], Float64]) -> Column:
-        """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
-        pieces = tuple(each.scaled(factor) for each in self.pieces)
-        return replace(self, pieces=pieces, still=None if self.still is None else _scaled(self.still, factor))
-
-    @cached_property
-    def support(self) -> Int64:
-        """Return the vertices (N,) whose weight can be above 0, in any order; some are repeated."""
-        if self.still is not None:
-            return np.asarray(self.still.vertices, np.int64)
-        found = [part for each in self.pieces for part in (each.core.vertices, each.component.vertices)]
-        return np.concatenate(found).astype(np.int64) if found else np.empty(0, np.int64)
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """The columns of an edit, and the vertices at which the weights of several handles may have a sum above 1."""
-
-    columns: tuple[Column, ...]
-    crowded: tuple[tuple[tuple[int, ...], Int64], ...] = ()  # groups of columns, and vertices (N,) of each group
-
-
-def _scaled(share: Share, factor: Callable[[NDArray[np.integer]], Float64]) -> Share:
-    return Share(share.vertices, share.values * factor(share.vertices).astype(np.float32))
-
-
-def allocated(
-    columns: Sequence[Column],
-    moving: Sequence[int],
-    at_rest: Float32,
-    points: Float64,
-    samples: Int64,
-    sizes: Float64,
-    vertex_of: dict[int, int],
-) -> Plan:
-    """Assign each component to one of the `moving` handles, so that every handle reaches its target.
-
-    `at_rest` (C, V) are the weights of all columns if no handle moves. `points` (V, 3) are the vertices. `samples` (N,)
-    are vertices that stand for `sizes` (N,) vertices each. `vertex_of` maps each moving handle to its vertex.
+    `vertex_of` maps the index of each moving handle to its vertex. Return the columns, and groups of columns whose sum
+    of weights may be above 1 at some vertices.
     """
-    among = [i for i, column in enumerate(columns) if column.handle in moving]
+    samples, sizes = _samples(mesh)
+    at_rest, points = filled_at_rest(columns, mesh).T, mesh.vertices
+    among = [i for i, column in enumerate(columns) if column.handle in vertex_of]
     held = supports(at_rest[among][:, samples])
     same, nested = same_and_nested(held, sizes)
     kept = kept_columns([columns[i].handle for i in among], same)
@@ -105,14 +46,14 @@ def allocated(
     nested &= np.not_equal.outer(handle_of, handle_of)
     own = {handle_of.index(handle): vertex_of[handle] for handle in dict.fromkeys(handle_of)}
     joined = sharing([columns[i] for i in kept], own, same)
-    divided_columns = divided(joined, at_rest[kept], points, own, same, nested)
-    order = [i for i, column in enumerate(columns) if i in kept or column.handle not in moving]
+    parts = divided(joined, at_rest[kept], points, own, same, nested)
+    order = [i for i, column in enumerate(columns) if i in kept or column.handle not in vertex_of]
     depth = depths(nested, held[[among.index(i) for i in kept]] @ sizes)
     result = list(columns)
     for k, i in enumerate(kept):
         carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
-        result[i] = replace(divided_columns[k], carriers=carriers, depth=int(depth[k]))
-    crowded = []
+        result[i] = replace(parts[k], carriers=carriers, depth=int(depth[k]))
+    crowded: list[Crowd] = []
     for each in np.unique(depth):
         group = [kept[k] for k in np.flatnonzero(depth == each)]
         count = np.zeros(len(points), np.int32)
@@ -120,7 +61,41 @@ def allocated(
             count[result[i].support] += 1
         if len(vertices := np.flatnonzero(count > 1)):
             crowded.append((tuple(order.index(i) for i in group), vertices))
-    return Plan(tuple(result[i] for i in order), tuple(crowded))
+    return tuple(result[i] for i in order), tuple(crowded)
+
+
+def _samples(mesh: Mesh) -> tuple[Int64, Float64]:
+    """Return vertices (N,) that stand for the shape, and how many vertices (N,) each of them stands for."""
+    nodes = nodes_of(mesh)
+    return nodes.members[nodes.starts].astype(np.int64), (nodes.ends - nodes.starts).astype(np.float64)
+
+
+def limited(crowded: Sequence[Crowd], weights: Float32) -> Float32:
+    """Lower `weights` (V, C) in place where the sum of a crowded group exceeds 1, and return them."""
+    for group, vertices in crowded:
+        among = np.ix_(vertices, np.array(group))
+        some = weights[among]
+        weights[among] = some / np.maximum(some.sum(axis=1, keepdims=True), np.float32(1.0))
+    return weights
+
+
+def taken_over(edit: Edit, handle: Handle, vertex: int, own: Column, before: Sequence[Column], mesh: Mesh) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new handle at `vertex`.
+
+    `own` is the column of the component at the new handle, and `before` are those of the moving handles. The motion is
+    that of the handle that moves the same component, and none if there is no such handle, or if it bends. With the
+    motion of a larger or smaller component, the shape would change at once.
+    """
+    weights, (samples, sizes) = filled_at_rest([own, *before], mesh).T, _samples(mesh)
+    held = supports(weights[:, samples])
+    same = (held[1:] & held[0]) @ sizes >= TAKEN_OVER * ((held[1:] | held[0]) @ sizes)
+    if not same.any():
+        return handle.transform
+    found = before[int(np.where(same, weights[1:, vertex], -1.0).argmax())]
+    source = edit.handles[found.handle]
+    if source.transform.bends:
+        return handle.transform
+    return found.counterpart.motion(source.transform, source.place.position)
 
 
 def supports(weights: Float32) -> Bool:
@@ -177,21 +152,20 @@ def sharing(columns: Sequence[Column], vertex_of: dict[int, int], same: Bool) ->
         others = [j for j in vertex_of if j > first and same[first, j]]
         if not others or not _is_plain(result[first]):
             continue
-        component = result[first].pieces[0].component
-        sharers = [first]
+        component, sharers = result[first].portions[0].component, [first]
         for j in others:
-            limited = component.limited(vertex_of[j])
-            if _is_plain(result[j]) and limited is not None:
-                component, sharers = limited, [*sharers, j]
+            limit = None if component is None else component.limited(vertex_of[j])
+            if _is_plain(result[j]) and limit is not None:
+                component, sharers = limit, [*sharers, j]
+        assert component is not None
         for j in sharers:
-            piece = Piece(component, component.core, component.share)
-            result[j] = replace(result[j], pieces=(piece,))
+            result[j] = replace(result[j], portions=(whole(component),))
     return result
 
 
 def _is_plain(column: Column) -> bool:
     """Return whether a column moves one component, with weights that only the component determines."""
-    return len(column.pieces) == 1 and column.pieces[0].factor is column.pieces[0].component.share
+    return column.component is not None and column.portions[0].factor is column.component.share
 
 
 def divided(

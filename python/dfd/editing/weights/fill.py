@@ -1,19 +1,25 @@
-"""Fill columns of weights for a motion: the only module that knows blend bands.
+"""Fill columns with weights for a motion: the only code that makes a weight of a session.
 
 In the blend band of a component, weights fall from 1 to 0 along the surface. The largest strain in the band, which is
 the displacement of the border divided by the width of the band, is at most `STRAIN` as long as there is room. So
 weights are a continuous function of depth and of the motion, and a frame only evaluates it at the vertices of bands.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float32, Float64
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, box_center
-from dfd.editing.influence.hold import Component
-from dfd.editing.influence.plan import Column, Piece
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.held_part import Component
+from dfd.geometry.coarse import Share
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
 
@@ -22,11 +28,11 @@ STEEPEST = 1.5  # largest slope of `weights_at` for a band of width 1
 # The width of a band at rest: REST diagonals of the bounding box, but at most REST_OF_RADIUS radii of the border. With
 # twice this width, the soft IoU of weights and labelled parts falls by 0.007 (`python -m bench.quality labelled`).
 REST, REST_OF_RADIUS = 0.0125, 0.2
-
-
 # A contact stays closed if a motion would open it by more than VISIBLE diagonals of the bounding box, and by more than
 # SLIDING times the displacement of its points. So a wheel turns, although its axle is not quite at its center.
 VISIBLE, SLIDING = 1e-3, 0.25
+
+Factor = Callable[[NDArray[np.integer]], Float64]  # a function of vertices (N,)
 
 
 class Band(NamedTuple):
@@ -44,6 +50,64 @@ class Band(NamedTuple):
     drawn_outward: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Portion:
+    """The weights of a column on one component, or all weights of a column by features."""
+
+    still: Share  # weights that do not depend on the motion: those beyond the inner end of every band
+    component: Component | None = None  # the component with the blend bands; None if no weight depends on the motion
+    factor: Float32 | None = None  # (M,) factor of the weights at `Component.vertices`
+
+    def scaled(self, factor: Factor) -> Portion:
+        """Return the portion with all weights multiplied by `factor`, a function of vertices (N,)."""
+        still = Share(self.still.vertices, self.still.values * factor(self.still.vertices).astype(np.float32))
+        if self.component is None or self.factor is None:
+            return Portion(still)
+        return Portion(still, self.component, self.factor * factor(self.component.vertices).astype(np.float32))
+
+
+def whole(component: Component) -> Portion:
+    """Return the portion that moves a component, with no other factors than its share."""
+    return Portion(component.core, component, component.share)
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of the weights (V, C): the handle and the counterpart to which it belongs."""
+
+    handle: int  # index of the handle in the edit
+    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot and this column
+    portions: tuple[Portion, ...]
+    carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
+    depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
+
+    def matrix(self, edit: Edit) -> Float64:
+        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
+        handle = edit.handles[self.handle]
+        return self.counterpart.transform(handle.matrix, handle.place.position)
+
+    def scaled(self, factor: Factor) -> Column:
+        """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
+        return replace(self, portions=tuple(each.scaled(factor) for each in self.portions))
+
+    @property
+    def component(self) -> Component | None:
+        """Return the component that the column moves; None if it moves several, or has weights by features."""
+        return self.portions[0].component if len(self.portions) == 1 else None
+
+    @property
+    def banded(self) -> bool:
+        """Return whether some weights depend on the motion."""
+        return any(each.component is not None for each in self.portions)
+
+    @cached_property
+    def support(self) -> Int64:
+        """Return the vertices (N,) whose weight can be above 0, in any order; some are repeated."""
+        found = [each.still.vertices for each in self.portions]
+        found += [each.component.vertices for each in self.portions if each.component is not None]
+        return np.concatenate(found).astype(np.int64) if found else np.empty(0, np.int64)
+
+
 def band_at_rest(component: Component, diagonal: float) -> Band:
     """Return the band of a component that does not move. `diagonal` is that of the bounding box of the mesh."""
     half = min(REST * diagonal, REST_OF_RADIUS * component.radius) / 2
@@ -55,7 +119,7 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     """Return the band of a component that `affine` (3, 4) moves, while `default` (3, 4) moves its surroundings.
 
     Displacements along the direction of a limb lengthen it. They widen the band inside the limb, and outside only as
-    far as the handle, which has weight 1, leaves no room inside.
+    far as the handle, which has weight 1, leaves no room inside (Eq. 10 and 11).
     """
     rest = band_at_rest(component, diagonal)
     if component.kept or component.drawing:
@@ -76,7 +140,7 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
 
 
 def _at_contacts(component: Component, affine: Float64, default: Float64, visible: float, rest: Band) -> Band:
-    """Return the band `rest` with the widths at the contacts of a component that `affine` (3, 4) moves.
+    """Return the band `rest` with the widths at the contacts of a component that `affine` (3, 4) moves (Eq. 12).
 
     `default` (3, 4) moves its surroundings. Openings below `visible` mesh units are not closed.
     """
@@ -101,14 +165,19 @@ def widest(bands: Sequence[Band]) -> Band:
 
 
 def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
-    """Return the bands of the pieces of a column, for the motion of its handle in `edit`."""
+    """Return the bands of the components of a column, for the motion of its handle in `edit`."""
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
-    matrix = column.matrix(edit)
-    return tuple(band_of(piece.component, matrix, default, mesh.diagonal) for piece in column.pieces)
+    return bands_for(column, column.matrix(edit), default, mesh)
+
+
+def bands_for(column: Column, affine: Float64, default: Float64, mesh: Mesh) -> tuple[Band, ...]:
+    """Return the bands of the components of a column, which `affine` (3, 4) moves while `default` (3, 4) moves all."""
+    components = (each.component for each in column.portions)
+    return tuple(band_of(each, affine, default, mesh.diagonal) for each in components if each is not None)
 
 
 def weights_in(component: Component, band: Band) -> Float32:
-    """Return the weights (M,) at `Component.vertices`, without shares."""
+    """Return the weights (M,) at `Component.vertices`, without shares (Eq. 9)."""
     weights = weights_at(component.depth, band)
     if component.apart is not None:
         weights *= weights_at(component.apart, Band(band.loose, band.kept))
@@ -132,20 +201,30 @@ def fill(column: Column, bands: Sequence[Band], weights: Float32, *, bands_only:
 
     With `bands_only`, everything outside of bands is known to be filled already.
     """
-    if len(column.pieces) == 1:
-        _write(column.pieces[0], bands[0], weights, bands_only)
-        return
-    if column.pieces:
+    several, next_band = len(column.portions) > 1, iter(bands)
+    if several:
         weights[:] = 0.0
-    for piece, band in zip(column.pieces, bands, strict=True):
-        one = np.zeros_like(weights)
-        _write(piece, band, one, False)
-        np.minimum(weights + one, 1.0, out=weights)
-    if column.still is not None:
-        weights[column.still.vertices] = column.still.values
+    for each in column.portions:
+        if each.component is not None and each.factor is not None:
+            _write(weights, each.component.vertices, each.factor * weights_in(each.component, next(next_band)), several)
+        if several or not bands_only:
+            _write(weights, each.still.vertices, each.still.values, several)
+    if several:
+        np.minimum(weights, 1.0, out=weights)
 
 
-def _write(piece: Piece, band: Band, weights: Float32, bands_only: bool) -> None:
-    weights[piece.component.vertices] = piece.factor * weights_in(piece.component, band)
-    if not bands_only:
-        weights[piece.core.vertices] = piece.core.values
+def _write(weights: Float32, vertices: NDArray[np.integer], values: Float32, added: bool) -> None:
+    weights[vertices] = weights[vertices] + values if added else values
+
+
+def filled(columns: Sequence[Column], bands: Sequence[Sequence[Band]], mesh: Mesh) -> Float32:
+    """Return the weights (V, C) of `columns`."""
+    made = np.zeros((len(columns), len(mesh.vertices)), np.float32)
+    for column, each, row in zip(columns, bands, made, strict=True):
+        fill(column, each, row)
+    return made.T
+
+
+def filled_at_rest(columns: Sequence[Column], mesh: Mesh) -> Float32:
+    """Return the weights (V, C) of `columns` that do not move. They decide what a handle holds."""
+    return filled(columns, [bands_for(column, IDENTITY, IDENTITY, mesh) for column in columns], mesh)

@@ -8,10 +8,10 @@ from made_tube import AROUND, straight
 from scipy.sparse import csr_array
 from sheet import grid
 
-from dfd.editing.influence import hold as module
-from dfd.editing.influence.bendable_parts import _rising as rising
-from dfd.editing.influence.fill import Band, band_of, weights_at
-from dfd.editing.influence.hold import BEYOND, INSIDE, OUTSIDE, Component, hold
+from dfd.editing.weights import held_part as module
+from dfd.editing.weights.axis_motions import _rising as rising
+from dfd.editing.weights.fill import Band, band_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, OUTSIDE, Component, hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 
@@ -24,7 +24,7 @@ def held_above(low: float, at: float, high: float = 9.0) -> Component:
     mesh = straight(LENGTH, RINGS, RADIUS)
     component = np.where((mesh.vertices[:, 1] > low) & (mesh.vertices[:, 1] < high), 0, -1)
     vertex = round(at / STEP) * AROUND
-    return hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: None, tuple).components[0]
+    return hold(mesh, component, vertex, mesh.vertices[vertex]).components[0]
 
 
 def depths(component: Component) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_a_handle_outside_the_border_moves_the_border_beyond_it():
     at = 39 * AROUND  # a handle just below the border
     component = np.where(mesh.vertices[:, 1] > 2.01, 0, -1)
     component[nodes_of(mesh).of_vertex[at]] = 0
-    found = hold(mesh, component, at, mesh.vertices[at], 0, lambda: None, tuple).components[0]
+    found = hold(mesh, component, at, mesh.vertices[at]).components[0]
     own = np.flatnonzero(np.concatenate([found.core.vertices, found.vertices]) == at)
     depth = np.concatenate([np.full(len(found.core.vertices), 9), found.depth])[own]
     assert len(own) == 1
@@ -160,18 +160,6 @@ def test_smoothing_has_the_given_deviation_along_the_surface_and_keeps_straight_
     np.testing.assert_allclose(module._smoothed(grid, holes, -3.0, 0.85, 0.2)[x < 0.5], x[x < 0.5], atol=0.02)
 
 
-def test_components_keep_their_numbers_and_others_join_the_nearest():
-    mesh = straight(LENGTH, RINGS, RADIUS)
-    nodes = nodes_of(mesh)
-    component = np.full(len(nodes.center), -1)
-    for number, height in enumerate((0.5, 2.0, 2.5, 3.9, 0.9)):
-        component[np.abs(nodes.center[:, 1] - height) < 0.1] = number
-    found = module._renumbered(nodes, component, [0, 3, 1])
-    for number, height in ((0, 0.5), (2, 2.0), (2, 2.5), (1, 3.9), (0, 0.9)):
-        assert set(found[np.abs(nodes.center[:, 1] - height) < 0.1]) == {number}
-    assert (found[component < 0] == -1).all()
-
-
 def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
     """The component is a long bar far from the origin, along the diagonal of x and y."""
     random = np.random.default_rng(0)
@@ -197,7 +185,7 @@ def test_a_part_at_a_corner_has_a_radius_of_half_an_edge():
     corner = int((mesh.vertices[:, 0] - mesh.vertices[:, 2]).argmax())
     component = np.full(len(mesh.vertices), -1)
     component[corner] = 0
-    found = hold(mesh, component, corner, mesh.vertices[corner], 0, lambda: None, tuple).components[0]
+    found = hold(mesh, component, corner, mesh.vertices[corner]).components[0]
     edges = np.linalg.norm(mesh.vertices - mesh.vertices[corner], axis=1)
     assert found.radius == pytest.approx(np.sort(edges)[1] / 2, rel=0.05)
 
@@ -210,7 +198,7 @@ def test_a_small_hole_in_a_part_is_no_border_of_it(hole, along):
     component, middle = np.where(side > 0.01, 0, -1), (0.25, 0, 0.5)
     component[np.argsort(np.linalg.norm((mesh.vertices - middle) * (1, 0, 1), axis=1))[:hole]] = -1
     at = int(side.argmax())
-    half = hold(mesh, component, at, mesh.vertices[at], 0, lambda: None, tuple).components[0]
+    half = hold(mesh, component, at, mesh.vertices[at]).components[0]
     assert half.direction[0] == pytest.approx(along, abs=0.02)
 
 
@@ -238,7 +226,7 @@ def test_weights_are_those_of_the_interpolated_depth_at_every_vertex(most):
     vertex, everything = 320 * AROUND, np.arange(len(mesh.vertices))
     alike = np.linspace(0.5, 1, len(mesh.vertices), dtype=np.float32)
     with mock.patch.object(module, "_component", wraps=module._component) as made:
-        held = hold(mesh, component, vertex, mesh.vertices[vertex], 0, lambda: alike, tuple)
+        held = hold(mesh, component, vertex, mesh.vertices[vertex], alike)
     assert len(held.components) == 2
     for one, call in zip(held.components, made.call_args_list, strict=True):
         field, share = call.args[-2:]

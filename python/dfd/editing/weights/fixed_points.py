@@ -14,16 +14,16 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.counterparts import Counterpart
-from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.hold import Holding
 from dfd.editing.points import Place
+from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.handle_features import HandleFeatures
+from dfd.editing.weights.held_part import HeldPart
 
 Factor = Callable[[NDArray[np.integer]], Float64]  # a function of vertices (N,)
 
 
 def kept_by_fixed_points(
-    rows: HandleFeatures, points: Float64, edit: Edit, handle: Handle, held: Holding
+    rows: HandleFeatures, points: Float64, edit: Edit, handle: Handle, held: HeldPart
 ) -> list[Factor]:
     """Return for each component of `held` a factor of its weights. `points` (V, 3) are the vertices."""
     own = rows.of([handle.place])

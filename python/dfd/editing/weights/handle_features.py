@@ -7,8 +7,8 @@ import numpy as np
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.kept import Kept
 from dfd.common.linear_algebra import Float32, Int64
-from dfd.editing.influence.recent import Recent
 from dfd.editing.points import Place
 from dfd.editing.regions import Region, distances_from, members
 from dfd.field.field import Field, FieldOnMesh
@@ -19,10 +19,16 @@ from dfd.weights.compact import CompactFeatures, compact
 MOST_EXACT = 16_384  # meshes with more vertices have compact features, which save no time on smaller meshes
 # At most 32 vertices with different features represent a region. They are chosen from at most 2,048 of its vertices.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
+SPARE = 32  # of each step, results for this many places are kept, for undo and for places under the pointer
+# Fewer results are kept of steps with large ones. Each frame of a drag needs the same nearest vertices.
+MOST = {"plan": 1, "weights": 1, "parts": 1, "column": 1, "subtracted": 1, "distances": 1, "shares": 2, "nearest": 64}
 
 
 class HandleFeatures:
-    """The features of vertices, regions and points in space on one mesh. The vertices' features are stored."""
+    """The features of vertices, regions and points in space on one mesh. The vertices' features are stored.
+
+    `kept` is the cache of all steps that compute weights on this mesh.
+    """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         """Store `features` (V, D). If they are None, evaluate the field when features are first needed.
@@ -39,9 +45,7 @@ class HandleFeatures:
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features: Float32 | CompactFeatures | None = features
         self.full = False  # if True, features are evaluated in full, even above `MOST_EXACT` vertices
-        self._members: dict[Region, Int64] = {}
-        self._representatives: dict[Region, Int64] = {}
-        self._nearest: Recent[int] = Recent(64)  # each frame of a drag needs the same vertices
+        self.kept = Kept(SPARE, **MOST)
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -63,9 +67,7 @@ class HandleFeatures:
 
     def members(self, region: Region) -> Int64:
         """Return the vertices (N,) of a region."""
-        if region not in self._members:
-            self._members[region] = members(self._mesh, region)
-        return self._members[region]
+        return self.kept.get("members", region, lambda: members(self._mesh, region))
 
     def inside(self, region: Region, width: float) -> Float32:
         """Return a factor for each vertex, (V,): 1 in a region, falling smoothly to 0 at `width` mesh units from it."""
@@ -79,12 +81,13 @@ class HandleFeatures:
 
     def representatives(self, region: Region) -> Int64:
         """Return at most 32 vertices of a region, (N,), whose features differ most from each other."""
-        if region not in self._representatives:
+
+        def find() -> Int64:
             chosen = self.members(region)
             candidates = chosen[:: -(-len(chosen) // MOST_CANDIDATES)]
-            kept = _farthest_apart(self.of_vertices(candidates), MOST_REPRESENTATIVES)
-            self._representatives[region] = candidates[kept]
-        return self._representatives[region]
+            return candidates[_farthest_apart(self.of_vertices(candidates), MOST_REPRESENTATIVES)]
+
+        return self.kept.get("representatives", region, find)
 
     def nearest(self, point: Vector) -> int:
         """Return the vertex nearest to a point (3,) in mesh units."""
@@ -92,7 +95,7 @@ class HandleFeatures:
         def find() -> int:
             return int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
 
-        return self._nearest.get(point, find)
+        return self.kept.get("nearest", point, find)
 
     def vertices(self, place: Place) -> Int64:
         """Return vertices (N,) that represent a place: its vertex, the nearest vertex, or some vertices of a region."""

@@ -19,7 +19,7 @@ SHAPE_FIT, PAIR_FIT = 0.06, 0.035
 LEAST_GAIN = 1.25  # a fitted plane is rejected if a translation has a misfit of at most this times the plane's misfit
 
 
-class Component(NamedTuple):
+class SurfaceSamples(NamedTuple):
     """Samples of the surface of one component."""
 
     points: Float64  # (N, 3) positions in mesh units
@@ -28,7 +28,7 @@ class Component(NamedTuple):
     size: float  # diagonal of the bounding box of `points`, in mesh units
 
 
-def component_of(vertices: Float64, faces: Int32) -> Component | None:
+def samples_of(vertices: Float64, faces: Int32) -> SurfaceSamples | None:
     """Return samples of the surface of `faces` (F, 3), or None if all faces have the area 0."""
     if not face_areas(vertices, faces).sum() > 0:
         return None
@@ -36,10 +36,10 @@ def component_of(vertices: Float64, faces: Int32) -> Component | None:
     corners = vertices[of_corner]
     points = np.einsum("nk,nkd->nd", barycentric, corners)
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return Component(points, normals, cKDTree(points), float(np.linalg.norm(np.ptp(points, axis=0))))
+    return SurfaceSamples(points, normals, cKDTree(points), float(np.linalg.norm(np.ptp(points, axis=0))))
 
 
-def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
+def mirror_image(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
     """Return the reflection (3, 4) that maps component `one` onto `other`, or None if no plane fits.
 
     The first of `planes` that fits is used. If its misfit exceeds PAIR_FIT, it is improved, as Besl and McKay fit a
@@ -65,7 +65,7 @@ def mirror_image(one: Component, other: Component, planes: Sequence[SymmetryPlan
     return found if LEAST_GAIN * _misfit(one, other, found) < _misfit(one, other, shift) else None
 
 
-def _refined(one: Component, other: Component, reflection: Float64, most: float) -> Float64 | None:
+def _refined(one: SurfaceSamples, other: SurfaceSamples, reflection: Float64, most: float) -> Float64 | None:
     """Return the best reflection (3, 4) near `reflection`, or None if its misfit is above `most`."""
     best, least = None, most
     for _ in range(ROUNDS):
@@ -90,14 +90,14 @@ def _reflection(normal: Float64, offset: float) -> Float64:
     return np.column_stack([np.eye(3) - 2 * np.outer(normal, normal), 2 * offset * normal])
 
 
-def _misfit(one: Component, other: Component, affine: Float64) -> float:
+def _misfit(one: SurfaceSamples, other: SurfaceSamples, affine: Float64) -> float:
     """Return the larger RMS distance between `one`, moved by `affine` (3, 4), and `other`, in sizes of `one`."""
     linear, shift = affine[:, :3], affine[:, 3]
     there, back = one.points @ linear.T + shift, (other.points - shift) @ linear
     return max(_rms(there, other.tree.query(there), other), _rms(back, one.tree.query(back), one)) / one.size
 
 
-def _rms(points: Float64, matches: tuple[Float64, Int64], target: Component) -> float:
+def _rms(points: Float64, matches: tuple[Float64, Int64], target: SurfaceSamples) -> float:
     """Return the RMS distance of the best 85 % of `points` (N, 3) from the surface of `target`, in mesh units.
 
     `matches` are the distances (N,) of the nearest samples of `target`, and their indices (N,).
