@@ -19,7 +19,6 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
-    "tools.docstrings",
     "tools.equations",
     "tools.examples",
 ]

@@ -44,6 +44,12 @@ def distill(
 ) -> Field:
     """Distill the features of an image encoder into a field around `mesh`.
 
+    Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
+    ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot
+    be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
+
+    Source: paper, Eq. 2 and 3 and supplement L.
+
     Parameters
     ----------
     mesh
@@ -84,16 +90,10 @@ def distill(
     file's +y, "found" for another direction, or "averaged" if the features of two directions are combined.
     Otherwise, "up_source" is "said".
 
-    Raises ValueError if an argument is out of range, the encoder is unknown, or no camera ray hits the mesh. Raises
-    ValueError if a loaded encoder contradicts `block` or `background`. Raises OSError if the encoder's weights cannot
-    be found or read. Raises MemoryError if memory runs out; the message names the settings to lower.
-
     Warns
     -----
     RuntimeWarning
         If the cache cannot be written; the call continues.
-
-    Source: paper, Eq. 2 and 3 and supplement L.
 
     Examples
     --------

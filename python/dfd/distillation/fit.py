@@ -51,14 +51,14 @@ def fit(
     The loss is the mean of ‖Φ(P) − Z‖² over a batch with points P and targets Z. One generator on the CPU draws initial
     parameters and batches. So a seed gives nearly equal fields on all devices: their features differ by about 1e-3.
 
+    Raises ValueError if the fit diverges (NaN or infinity).
+
     Parameters
     ----------
     center, scale
         The normalization of the points: the field evaluates the network at `scale` · (point − `center`).
     device
         Torch device. On the CPU, the fit uses `dfd.get_num_threads()` threads. The result does not depend on the count.
-
-    Raises ValueError if the fit diverges (NaN or infinity).
     """
     architecture = Architecture(targets.dimension, settings.width, settings.layers, settings.octaves)
     generator = torch.Generator().manual_seed(settings.seed)

@@ -38,6 +38,8 @@ def correspond(mesh_a: MeshLike, field_a: Field, mesh_b: MeshLike, field_b: Fiel
     upright and face the same direction. The mean feature of each shape is subtracted first. If a shape has more than
     16,384 vertices, as many of them can be corresponding vertices.
 
+    Raises ValueError if the fields have different encoders or dimensions.
+
     Parameters
     ----------
     mesh_a, field_a
@@ -49,8 +51,6 @@ def correspond(mesh_a: MeshLike, field_a: Field, mesh_b: MeshLike, field_b: Fiel
     -------
     correspondence
         (V,) `vertices` of `mesh_b`, and their `confidence` and `similarity`, (V,) in [0, 1].
-
-    Raises ValueError if the fields have different encoders or dimensions.
     """
     check_fields(field_a, field_b)
     a, b = _Side(mesh_a, field_a), _Side(mesh_b, field_b)

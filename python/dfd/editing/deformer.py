@@ -52,6 +52,10 @@ class Deformer(History):
     previous step if that step changed the same handle, place or setting. For a drag, make the first move without
     `merge` and all others with `merge`: then one call of `undo` takes back the whole drag.
 
+    Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
+    None and `other_shape` is False, `dfd.field.compatibility.check_compatible` checks the field. A field distilled from
+    another shape raises ValueError. Vertices far outside the bounding box of the field's shape cause a warning.
+
     Parameters
     ----------
     mesh
@@ -68,10 +72,6 @@ class Deformer(History):
         vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
         Whether to accept a field of another shape.
-
-    Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
-    None and `other_shape` is False, `dfd.field.compatibility.check_compatible` checks the field. A field distilled from
-    another shape raises ValueError. Vertices far outside the bounding box of the field's shape cause a warning.
 
     Examples
     --------
@@ -173,6 +173,11 @@ class Deformer(History):
 
         Without a motion, the handle takes over the motion that its component has, so that nothing moves.
 
+        Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
+        unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
+        bounding box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all
+        weight from the handle.
+
         Parameters
         ----------
         at
@@ -226,11 +231,6 @@ class Deformer(History):
             is the part at the handle.
         detach
             Whether the part comes loose from pieces of the mesh that it touches. By default, it stays attached.
-
-        Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
-        unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
-        bounding box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all
-        weight from the handle.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
@@ -259,6 +259,9 @@ class Deformer(History):
         The motions begin from rest. They minimize the squared distances from the targets. If several motions do so, the
         smallest is chosen: a motion that no target determines stays almost 0. One call is one step of the history.
 
+        Raises ValueError if there is no handle or no target, a position is not finite, a place is a region or not on
+        the shape, or no handle moves a target. Warns of motions that the targets do not determine.
+
         Parameters
         ----------
         targets
@@ -276,9 +279,6 @@ class Deformer(History):
         fit
             The mean and the largest distance from the targets, the mean distance before the fit, and the undetermined
             motions of each handle.
-
-        Raises ValueError if there is no handle or no target, a position is not finite, a place is a region or not on
-        the shape, or no handle moves a target. Warns of motions that the targets do not determine.
 
         Examples
         --------
@@ -476,6 +476,9 @@ class Deformer(History):
     ) -> None:
         """Set the plane of symmetry. Vertices beyond it, seen from a handle, follow the mirrored transform (Eq. 8).
 
+        Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
+        ValueError if `candidates` or `threshold` is given for a plane other than "auto".
+
         Parameters
         ----------
         plane
@@ -487,9 +490,6 @@ class Deformer(History):
             from a text has the preset's band.
         candidates, threshold
             Arguments of `dfd.symmetry_planes` for "auto". If left out, they are those of the preset.
-
-        Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
-        ValueError if `candidates` or `threshold` is given for a plane other than "auto".
         """
         how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
         if plane is not None:

@@ -42,6 +42,9 @@ def _written(transforms: Mapping[int, Transform]) -> list[dict[str, Any]]:
 class KeyPose:
     """The transforms of a session's handles at one moment.
 
+    Raises ValueError if `seconds` is not a number or is negative, or `name` is no text that a file can store. Raises
+    ValueError if a key of `transforms` is not a handle's id, or a value is not a transform.
+
     Parameters
     ----------
     seconds
@@ -53,9 +56,6 @@ class KeyPose:
         Name for display. A glTF file has it only as the name of a morph target.
     ease
         Whether motions slow down towards the pose and start slowly from it. Otherwise, their speed is constant.
-
-    Raises ValueError if `seconds` is not a number or is negative, or `name` is no text that a file can store. Raises
-    ValueError if a key of `transforms` is not a handle's id, or a value is not a transform.
     """
 
     seconds: Annotated[float, About("Time of the pose in the animation.", 0.0)]

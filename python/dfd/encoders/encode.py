@@ -98,6 +98,8 @@ class Encoder:
     def encode(self, images: UInt8, *, covered: Bool | None = None, stages: Stages | None = None) -> Float32:
         """Return the tokens of `images`.
 
+        Raises ValueError if `images` or `covered` has a wrong array shape or type, or a token is NaN or infinite.
+
         Parameters
         ----------
         images
@@ -113,8 +115,6 @@ class Encoder:
         -------
         Tokens of shape (n, h, w, D). h = w is the side of the images, after resizing, divided by `patch`. Row 0 is at
         the top of an image.
-
-        Raises ValueError if `images` or `covered` has a wrong array shape or type, or a token is NaN or infinite.
         """
         images = np.asarray(images)
         if images.dtype != np.uint8 or images.ndim != 4 or images.shape[3] != 3 or 0 in images.shape[1:]:
@@ -193,6 +193,9 @@ def load_encoder(
 ) -> Encoder:
     """Load a vision network by name or from a folder.
 
+    Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
+    range. Raises OSError if the weights are not found or cannot be read.
+
     Parameters
     ----------
     encoder
@@ -210,9 +213,6 @@ def load_encoder(
         instructions for it, and otherwise "float32".
     background
         Whether to encode patches that show only background, even if the network can skip them.
-
-    Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of
-    range. Raises OSError if the weights are not found or cannot be read.
     """
     check.choice(None, "precision", precision, PrecisionOption)
     target = choose_device("load_encoder", device)

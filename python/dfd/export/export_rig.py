@@ -39,6 +39,12 @@ def export_rig(
 
     A new glTF file keeps UVs, materials, parts and other content of the glTF file from which the mesh was read.
 
+    Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError for "skin" if there
+    is no handle, the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be inverted.
+    Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
+    ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
+    than those of a joint. Raises OSError if a file cannot be written; an existing file stays unchanged.
+
     Parameters
     ----------
     session
@@ -64,12 +70,6 @@ def export_rig(
     -------
     report
         The contents of the file, and the largest and mean distance of its vertices from the result of `dfd.pose`.
-
-    Raises ValueError if the file ending is not supported or does not fit `form`. Raises ValueError for "skin" if there
-    is no handle, the mesh has its own skin, there are more than 65,535 joints, or a joint's matrix cannot be inverted.
-    Raises ValueError for "morph" if the mesh has its own morph targets, or nothing moves and there are no poses. Raises
-    ValueError if a key pose has an unknown handle, is not later than the pose before it, or scales along axes other
-    than those of a joint. Raises OSError if a file cannot be written; an existing file stays unchanged.
 
     Examples
     --------

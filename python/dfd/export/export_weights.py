@@ -24,6 +24,9 @@ VERSION = 1
 def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     """Write the weights of a session as arrays, with everything that `dfd.pose` needs to compute the posed shape.
 
+    Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
+    cannot be written; an existing file stays unchanged.
+
     Parameters
     ----------
     session
@@ -34,9 +37,6 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         `handles` (C, 3), the positions, and `handle_ids` (C,) belong to these columns. `faces` is (F, 3), and `default`
         (3, 4) is D₀. The texts are `format`, `version`, `names` (JSON, for each column), `edit` (JSON of an edit file),
         `field` (JSON of settings) and `mesh` (the mesh's `content_hash`). In safetensors, they are metadata.
-
-    Raises ValueError if the file ending is not supported, or the session has no handle. Raises OSError if the file
-    cannot be written; an existing file stays unchanged.
     """
     ending = check.ending("export_weights", "path", path, ENDINGS)
     target, edit, mesh = Path(path), session.edit, session.mesh

@@ -132,6 +132,9 @@ class Field(ReadOnlyArrays):
     def __call__(self, points: Any) -> Any:
         """Return the features of `points`.
 
+        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or if a
+        coordinate of (p − `center`) · `scale` has a magnitude above a million.
+
         Parameters
         ----------
         points
@@ -140,9 +143,6 @@ class Field(ReadOnlyArrays):
         Returns
         -------
         (N, D) float32 rows of unit length: a differentiable tensor if `points` is a tensor, otherwise an array.
-
-        Raises ValueError if `points` is not (N, 3). Raises ValueError if a point in an array is not finite, or if a
-        coordinate of (p − `center`) · `scale` has a magnitude above a million.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)

@@ -30,6 +30,9 @@ class VertexField(Field):
     There is no network, so weights follow exactly from the given features. All vertices at one position get the feature
     of the first of these vertices, so that UV seams stay closed.
 
+    Raises ValueError if `features` has another array shape, is not finite, has only zeros, or requires gradients: a
+    session has no gradients. Warns if rows of zeros were filled.
+
     Parameters
     ----------
     mesh
@@ -43,9 +46,6 @@ class VertexField(Field):
         The places of the rows. None stands for the vertices. "faces" stands for the faces: `features` is (F, D), and a
         vertex gets the mean of its faces, weighted by their areas. Points (N, 3) in mesh units, such as those of a
         scan, have features (N, D), and a vertex gets the feature of the nearest point.
-
-    Raises ValueError if `features` has another array shape, is not finite, has only zeros, or requires gradients: a
-    session has no gradients. Warns if rows of zeros were filled.
 
     Examples
     --------

@@ -37,6 +37,8 @@ class Geodesics:
 
     The mesh can have holes, edges of more than two faces, repeated faces, and faces without area.
 
+    Raises ValueError if `bridges` or `sampled` is not a bool.
+
     Parameters
     ----------
     mesh
@@ -47,8 +49,6 @@ class Geodesics:
     sampled
         Whether distances on a large mesh are computed at about 6,000 vertices and interpolated at the others. This
         changes the results by about 0.01. False uses all vertices, as in the paper.
-
-    Raises ValueError if `bridges` or `sampled` is not a bool.
 
     Examples
     --------
@@ -101,6 +101,9 @@ class Geodesics:
     def distances(self, handles: Any, *, separate: float = 1.0) -> Float32:
         """Return the distance of each vertex from each handle along the surface, in units of `extent`.
 
+        Raises ValueError if `handles` has another array shape, an index out of range, or a coordinate that is not
+        finite. Raises ValueError if `separate` is outside [0, 1].
+
         Parameters
         ----------
         handles
@@ -111,9 +114,6 @@ class Geodesics:
         Returns
         -------
         (H, V) distances in [0, 1], 0 at the handle.
-
-        Raises ValueError if `handles` has another array shape, an index out of range, or a coordinate that is not
-        finite. Raises ValueError if `separate` is outside [0, 1].
         """
         separate = check.number("Geodesics.distances", "separate", separate, minimum=0.0, maximum=1.0)
         chosen = self._handle_vertices(handles)

@@ -49,6 +49,8 @@ class Mesh(ReadOnlyArrays):
     along seams of texture or normals. `representative[i]` is the index of the first vertex at the position of vertex i.
     In a mesh from arrays, `representative[i]` is i.
 
+    Raises ValueError if an array has a wrong shape or type, a coordinate is not finite or an index is out of range.
+
     Parameters
     ----------
     vertices
@@ -59,8 +61,6 @@ class Mesh(ReadOnlyArrays):
         Colors of the faces; None is gray. `dfd.load` reads them from the file.
     scene
         The content of the file, from which `save` keeps everything but positions and normals. `dfd.load` sets it.
-
-    Raises ValueError if an array has a wrong shape or type, a coordinate is not finite or an index is out of range.
     """
 
     vertices: Float64  # (V, 3) positions in the file's units
@@ -264,15 +264,6 @@ def load(
     All parts of a scene are loaded. Their transforms are applied, and polygons become triangles. The mesh keeps units,
     orientation, the file's numbering of vertices (see `Mesh`), faces without area and repeated faces.
 
-    Parameters
-    ----------
-    source
-        Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
-        Arrays are copied.
-    pose
-        This affects only glTF files with skins or morph targets. ``"rest"`` is the shape that viewers show before any
-        animation. ``"bind"`` is the shape of the stored vertices, without skins and morph targets.
-
     Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` has
     a wrong type or value. Raises ValueError if the file is empty, malformed, truncated, or in an unknown format or
     compression. Raises ValueError if there are no faces, a face index is out of range or a coordinate is not finite.
@@ -281,6 +272,15 @@ def load(
     Warns if a texture or materials file cannot be read; faces that use it are then gray. Warns if a file has faces with
     fewer than three corners, which the mesh omits. Warns if some colors or texture coordinates are missing, or if an
     option of a texture or a kind of color is not applied; the page "Mesh files" of the documentation lists them.
+
+    Parameters
+    ----------
+    source
+        Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
+        Arrays are copied.
+    pose
+        This affects only glTF files with skins or morph targets. ``"rest"`` is the shape that viewers show before any
+        animation. ``"bind"`` is the shape of the stored vertices, without skins and morph targets.
 
     Examples
     --------

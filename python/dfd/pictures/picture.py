@@ -61,6 +61,10 @@ def picture(
 ) -> UInt8:
     """Return a picture of `mesh` on white, with its own vertices and colors or with given ones.
 
+    Raises ValueError if an array has the wrong shape or is not finite, or a vertex index is out of range. Raises
+    ValueError if both `colors` and `weights` are given, if there are not as many `labels` as `handles`, or if all
+    points have the same position.
+
     Parameters
     ----------
     vertices
@@ -93,10 +97,6 @@ def picture(
     Returns
     -------
     (R, R, 3) uint8 sRGB.
-
-    Raises ValueError if an array has the wrong shape or is not finite, or a vertex index is out of range. Raises
-    ValueError if both `colors` and `weights` are given, if there are not as many `labels` as `handles`, or if all
-    points have the same position.
     """
     resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices

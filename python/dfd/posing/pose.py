@@ -103,6 +103,25 @@ def pose(
 ) -> Any:
     """Return the vertices, moved by the transforms of the handles that they follow.
 
+    Raises ValueError if array shapes disagree, a value is not finite, a transform is not affine, or `out` has another
+    array shape or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient
+    that is not implemented.
+
+    A linear blend has gradients for `vertices`, `weights`, `transforms` and `default`, except with
+    `overlap="interpolate"`. Kernels compute the first derivatives; torch computes those of higher order, which are
+    slower. Where the sum of the weights is exactly 1, a derivative is that for smaller sums. The side of a handle, and
+    without a band the side of a vertex, count as constant. `torch.func.vmap`, `vjp`, `jacrev` and `grad` work, with one
+    call of a kernel for each item of the batch. Forward-mode differentiation (`jvp`, `jacfwd`) is not implemented.
+
+    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
+    V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
+    With "add", vertices keep their exact bits if all transforms are the identity. With dual quaternions, the sums add
+    quaternions and stretches, each minus the identity, and "paper" equals "normalize". Each quaternion has the sign
+    that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
+
+    Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
+    band, a smoothstep blends both sides.
+
     Parameters
     ----------
     vertices
@@ -145,25 +164,6 @@ def pose(
         (V, 3) in mesh units, or (B, V, 3) for a batch: float32 if `vertices` is float32, float16 or bfloat16, else
         float64. A torch tensor if `vertices` is one. With `normals`, a pair: the vertices, and unit normals of the same
         array shape and type. If a tensor requires a gradient, the result is a tensor with gradients.
-
-    Raises ValueError if array shapes disagree, a value is not finite, a transform is not affine, or `out` has another
-    array shape or type. Raises ValueError if two handles cannot move independently, or a tensor requires a gradient
-    that is not implemented.
-
-    A linear blend has gradients for `vertices`, `weights`, `transforms` and `default`, except with
-    `overlap="interpolate"`. Kernels compute the first derivatives; torch computes those of higher order, which are
-    slower. Where the sum of the weights is exactly 1, a derivative is that for smaller sums. The side of a handle, and
-    without a band the side of a vertex, count as constant. `torch.func.vmap`, `vjp`, `jacrev` and `grad` work, with one
-    call of a kernel for each item of the batch. Forward-mode differentiation (`jvp`, `jacfwd`) is not implemented.
-
-    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
-    V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
-    With "add", vertices keep their exact bits if all transforms are the identity. With dual quaternions, the sums add
-    quaternions and stretches, each minus the identity, and "paper" equals "normalize". Each quaternion has the sign
-    that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
-
-    Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
-    band, a smoothstep blends both sides.
 
     Examples
     --------

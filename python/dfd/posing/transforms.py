@@ -82,6 +82,10 @@ class Transform(ReadOnlyArrays, Brief):
     R rotates, S scales, and the columns of A are `axes`. Before this map, bend and twist move the held part:
     the vertices with at least half of the handle's largest weight.
 
+    Raises ValueError if an attribute has a wrong array shape, is not finite or exceeds `check.LARGEST`. Raises
+    ValueError if a rotation is the quaternion 0 or outside ±1e9 degrees, or `axes` are not orthonormal. Raises
+    ValueError if `pivot_at` is unknown, `pivot_at` is given without `pivot`, or `joint` lies outside [0, 1].
+
     Parameters
     ----------
     translation
@@ -98,10 +102,6 @@ class Transform(ReadOnlyArrays, Brief):
         The rotation of the held part's tip, as a rotation vector (3,) in degrees, and its angle about the part's axis.
     joint
         The position of bend and twist on the axis, from base (0) to tip (1); None distributes them over its length.
-
-    Raises ValueError if an attribute has a wrong array shape, is not finite or exceeds `check.LARGEST`. Raises
-    ValueError if a rotation is the quaternion 0 or outside ±1e9 degrees, or `axes` are not orthonormal. Raises
-    ValueError if `pivot_at` is unknown, `pivot_at` is given without `pivot`, or `joint` lies outside [0, 1].
     """
 
     translation: Annotated[Vector, MOTIONS["translation"]] = (0.0, 0.0, 0.0)  # in mesh units

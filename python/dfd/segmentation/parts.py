@@ -64,6 +64,9 @@ class Parts:
     def part(self, at: Any, level: int = 0, *, follow: Follow = "all") -> Part:
         """Return the part at a place.
 
+        Raises ValueError if `at` is no vertex or point, `level` is no whole number, `follow` is another word, or no
+        face has an area above 0.
+
         Parameters
         ----------
         at
@@ -75,9 +78,6 @@ class Parts:
         follow
             Which counterparts belong to the part: "all" that look alike, such as the other legs, only "mirror" images,
             or "none". With each of these, the part of a level contains the parts of all lower levels.
-
-        Raises ValueError if `at` is no vertex or point, `level` is no whole number, `follow` is another word, or no
-        face has an area above 0.
         """
         vertex = self._vertex(at)
         check.choice("Parts.part", "follow", follow, Follow)

@@ -92,6 +92,8 @@ class Borders:
 class Patches:
     """The patches of a mesh: groups of places, which are distinct positions of mesh nodes (`dfd.geometry.coarse`).
 
+    Raises ValueError if no face of the mesh has an area.
+
     Attributes
     ----------
     size
@@ -116,8 +118,6 @@ class Patches:
         (P,) the orbit of each patch: the patches that reflections in the planes of symmetry map onto each other.
     things
         (K, P) the thing of the file to which each patch belongs, for each of K kinds (`_things_of_places`).
-
-    Raises ValueError if no face of the mesh has an area.
     """
 
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:

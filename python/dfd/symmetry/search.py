@@ -46,6 +46,11 @@ def symmetry_planes(
     coordinate axis is made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies
     is not found.
 
+    Raises ValueError if `field` is not callable, or `threshold` or `candidates` is invalid.
+
+    Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
+    symmetry detection for 3D geometry", 2006.
+
     Parameters
     ----------
     mesh, field
@@ -60,11 +65,6 @@ def symmetry_planes(
     Returns
     -------
     The planes, sorted by ascending `relative_score`. Each `band` is 3 % of the longest side of the bounding box.
-
-    Raises ValueError if `field` is not callable, or `threshold` or `candidates` is invalid.
-
-    Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
-    symmetry detection for 3D geometry", 2006.
 
     Examples
     --------

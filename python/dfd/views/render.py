@@ -66,6 +66,8 @@ def render(
     A ray passes through the center of each pixel. If its first hit on a surface that is at least half opaque is on a
     triangle T, at barycentric coordinates B, the pixel shows the surface point P = B·T.
 
+    Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
+
     Parameters
     ----------
     views, resolution
@@ -81,8 +83,6 @@ def render(
         for the visible vertices.
     frame
         (3, 3) matrix whose rows are right, up and front of the shape, in mesh coordinates; None takes the mesh's axes.
-
-    Raises ValueError if an argument is out of its range, or no camera ray hits the mesh.
     """
     views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)

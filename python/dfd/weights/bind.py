@@ -59,6 +59,19 @@ def bind(
 
     Without fixed points, the weight at a handle itself is 1.
 
+    Raises ValueError if array shapes disagree, a value is not finite, an index is out of range or repeated, or a region
+    is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
+    masked, or `out` has another array shape or type. If a tensor requires gradients, raises ValueError for regions,
+    compact features and a given `out`.
+
+    If a tensor requires gradients, so do the weights: all arguments but `falloff` and vertex indices have gradients, of
+    any order. The feature distance has no derivative where it is 0, at the handle itself; its gradient counts as 0
+    there. Beyond the reach, weights are 0, and so are their gradients: a vertex there does not learn to follow.
+
+    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
+    and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
+    W_ip = max(1 − ‖Z_i − Z_p‖, 0); in the paper, s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
+
     Parameters
     ----------
     features
@@ -96,19 +109,6 @@ def bind(
     -------
     weights
         (V, H) float32; a torch tensor if `features` is one.
-
-    Raises ValueError if array shapes disagree, a value is not finite, an index is out of range or repeated, or a region
-    is empty. Raises ValueError if a distance or strength lies outside [0, 1], a reach is not above 0, an array is
-    masked, or `out` has another array shape or type. If a tensor requires gradients, raises ValueError for regions,
-    compact features and a given `out`.
-
-    If a tensor requires gradients, so do the weights: all arguments but `falloff` and vertex indices have gradients, of
-    any order. The feature distance has no derivative where it is 0, at the handle itself; its gradient counts as 0
-    there. Beyond the reach, weights are 0, and so are their gradients: a vertex there does not learn to follow.
-
-    Equations 4 and 5: W_ij = f(max(1 − ‖Z_i − Z_j‖ / r, 0)) for vertex i, handle j and features Z; in the paper, r = 1
-    and f(x) = x. Then Equation 6: W_ij ← max(W_ij − max_p s_p W_ip, 0) for the fixed points p, with
-    W_ip = max(1 − ‖Z_i − Z_p‖, 0); in the paper, s = 1. Then Equation 7: W_ij ← W_ij (1 − G_ji)^λ, with G = `geodesic`.
 
     Examples
     --------

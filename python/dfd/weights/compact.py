@@ -114,6 +114,9 @@ def compact(
 ) -> CompactFeatures:
     """Compact `features` to as few dimensions and bits as the `tolerance` permits.
 
+    Raises ValueError if `features` or `points` have the wrong array shape, are empty or are not finite, or 16 bits are
+    too few for the tolerance.
+
     Parameters
     ----------
     features
@@ -125,9 +128,6 @@ def compact(
         Largest permitted difference from weights by full float64 features, on sampled vertices and handles.
     progress
         A function that takes the number of newly finished rows; the number is negative if rows are computed again.
-
-    Raises ValueError if `features` or `points` have the wrong array shape, are empty or are not finite, or 16 bits are
-    too few for the tolerance.
 
     Examples
     --------

@@ -26,6 +26,8 @@ def skinning(weights: Any) -> Any:
     column would pull it towards the origin. With a sum above 1, the weights are divided by it, as by
     `overlap="normalize"` of `dfd.pose`.
 
+    Raises ValueError if `weights` has another array shape, is not finite, or has a negative number.
+
     Parameters
     ----------
     weights
@@ -36,8 +38,6 @@ def skinning(weights: Any) -> Any:
     weights
         (V, H + 1) float32. The last column is max(1 − Σ W_k, 0), the weight of a joint that never moves. A tensor gives
         a tensor of its own type, with gradients.
-
-    Raises ValueError if `weights` has another array shape, is not finite, or has a negative number.
 
     Examples
     --------

@@ -43,8 +43,8 @@ export function storePose(): void {
 }
 
 export function removePose(index: number): void {
-  set((store.get().edit?.poses ?? []).filter((_, i) => i !== index));
-  store.set({ moment: null, playing: false });
+  send({ type: "set_poses", poses: (store.get().edit?.poses ?? []).filter((_, i) => i !== index) });
+  leave();
 }
 
 /** Change a pose. It stays the chosen one, even if it moves past another pose. */
@@ -55,10 +55,6 @@ export function changePose(index: number, part: Partial<KeyPose>): void {
   const ordered = sorted(poses);
   send({ type: "set_poses", poses: ordered });
   store.set({ pose: ordered.indexOf(changed) });
-}
-
-function set(poses: KeyPose[]): void {
-  send({ type: "set_poses", poses: sorted(poses) });
 }
 
 function sorted(poses: KeyPose[]): KeyPose[] {

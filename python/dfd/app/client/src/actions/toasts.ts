@@ -6,12 +6,8 @@ const SECONDS = { note: 5, problem: 10 } as const;
 const MOST = 4;
 let next = 1;
 
-export function note(text: string): void {
-  show(text, "note");
-}
-
-/** Show a note with a button, for example to undo. */
-export function offer(text: string, action: State["toasts"][number]["action"]): void {
+/** Show a note, with a button if `action` is given, for example to undo. */
+export function note(text: string, action?: State["toasts"][number]["action"]): void {
   show(text, "note", action);
 }
 

@@ -2,7 +2,7 @@ import { useState } from "preact/hooks";
 
 import { send } from "../actions/connection";
 import { chooseFiles, megabytes } from "../actions/files";
-import { offer } from "../actions/toasts";
+import { note } from "../actions/toasts";
 import type { RecentShape } from "../protocol/messages";
 import { useParts } from "../store/use";
 import { handleCount, IconButton, Rename, titled } from "../widgets/controls";
@@ -63,7 +63,7 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
   const [naming, setNaming] = useState(false);
   const remove = () => {
     send({ type: "delete_kept", key });
-    offer(`${titled(name)} is deleted.`, { text: "Undo", run: () => send({ type: "restore_kept", key }) });
+    note(`${titled(name)} is deleted.`, { text: "Undo", run: () => send({ type: "restore_kept", key }) });
   };
   return (
     <li class="recent">

@@ -1,7 +1,7 @@
 // Open a mesh without a field. The page shows it at once, learns its features, and then handles can be added.
 import assert from "node:assert/strict";
 
-import { drawn, hold, learn, open, ready, shot, state, story, test, until, visibleVertex } from "./page.mjs";
+import { drawn, hold, learn, open, PATIENCE, ready, shot, state, story, test, until, visibleVertex } from "./page.mjs";
 
 let page;
 
@@ -26,7 +26,7 @@ test("a mesh is visible during the learning, and then a click adds a handle", as
       (s) => s.edit.field.origin === "distilled" || (window.early = s.ladders.get(s.probe?.vertex)) !== undefined,
     );
   }
-  await until(page, (s) => s.edit.field.origin === "distilled");
+  await until(page, (s) => s.edit.field.origin === "distilled", null, 3 * PATIENCE);
   if (early) await until(page, (s) => ![undefined, window.early].includes(s.ladders.get(s.probe?.vertex)));
   await hold(page, [vertex], 1);
   await until(page, (s) => s.columns.size > 0);

@@ -14,7 +14,7 @@ export const PATIENCE = 60_000;
 export const ALIKE = JSON.parse(process.env.DFD_ALIKE ?? "[]");
 
 /** Define a test of a story. */
-export const test = (name, run) => node.test(name, { timeout: 3 * PATIENCE }, run);
+export const test = (name, run) => node.test(name, { timeout: 5 * PATIENCE }, run);
 
 /**
  * Before the tests of a file, open a tab and pass it to `take`. Unless `shape` is false, open the shape, too, and with
@@ -183,9 +183,9 @@ function installHook() {
 
 export const state = (page, read) => page.evaluate(`(${read})(window.dfd.store.get())`);
 
-/** Wait until `read(state, argument)` is true, and return its result. */
-export async function until(page, read, argument = null) {
-  const end = Date.now() + PATIENCE;
+/** Wait up to `patience` milliseconds until `read(state, argument)` is true, and return its result. */
+export async function until(page, read, argument = null, patience = PATIENCE) {
+  const end = Date.now() + patience;
   for (;;) {
     const text = `window.dfd ? (${read})(window.dfd.store.get(), ${JSON.stringify(argument)}) : false`;
     // While the page reloads, the evaluation fails.
