@@ -16,9 +16,7 @@ FOLD = -0.5  # A face is folded if the cosines between its normal and its neighb
 
 CONTACT = 0.005  # Components touch where a surface sample of one is nearer to the other; a fraction of the diagonal.
 SAMPLES = 20_000  # number of surface samples for contacts
-SYMMETRIC = (
-    0.01  # A shape at rest is symmetric if mirror images are off the vertices by less; a fraction of the diagonal.
-)
+SYMMETRIC = 0.01  # largest mean distance of mirror images from the vertices at rest; a fraction of the diagonal
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:

@@ -17,7 +17,6 @@ from bench.paper.page import Page, Pictures, Row, aim, following, gallery
 from bench.paper.subjects import CASES, NAMES, PRESETS, Context, Shape, Subject, agreement, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.errors import one_line
-from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -209,16 +208,18 @@ def subdivided(mesh: dfd.Mesh) -> dfd.Mesh:
 
 def fig19(context: Context, copies: Sequence[int] = (1000, 5000)) -> Page:
     """Weights by one field, on other tessellations of its shape and on other shapes of the same class."""
+    retriangulated: list[dfd.Mesh] = []
 
     def variants(subject: Subject) -> dict[str, dfd.Deformer]:
         shape, field, others = subject.shape, subject.field, subject.case.others
         meshes = [shape.mesh, *(simplify(shape.mesh, count) for count in copies), subdivided(shape.mesh)]
         named = {f"{len(each.faces):,} faces": each for each in meshes}
+        retriangulated.extend(meshes)
         known = [name for name in others if name in context.files or name in context.made]
-        named.update({name: turned(context.shape(name), others[name]) for name in known})
+        named.update({name: in_box_of(turned(context.shape(name), others[name]), shape.mesh) for name in known})
         held, sessions = field(shape.mesh.vertices[[shape.at(subject.case.at)]]), {}
         for name, mesh in named.items():
-            features = field(in_box_of(mesh, shape.mesh) if name in known else mesh.vertices)
+            features = field(mesh.vertices)
             handle = {"at": int(np.linalg.norm(features - held, axis=1).argmin()), "translation": DOWN * mesh.diagonal}
             sessions[name] = replace(subject, shape=Shape(name, mesh)).session([handle], features=features)
         return sessions
@@ -227,8 +228,7 @@ def fig19(context: Context, copies: Sequence[int] = (1000, 5000)) -> Page:
         alike, area = (agreement(each.mesh, subject.case, each.following[:, 0]), following(each, FOLLOWS))
         if each is first:
             return {"agreement %": alike, "follows %": area}
-        # Another tessellation encloses the same volume in the same box.
-        copy = np.allclose(each.mesh.bounds, first.mesh.bounds, atol=0.05 * first.mesh.diagonal)
+        copy = any(each.mesh is mesh for mesh in retriangulated)
         own = following(first, FOLLOWS)
         areas = {"area, larger / smaller": max(area, own) / max(min(area, own), 1e-9)} if copy else {}
         return {"follows %": area, f"agreement of {'copies' if copy else 'other shapes'} %": alike, **areas}
@@ -249,9 +249,10 @@ def turned(shape: Shape, degrees: float) -> dfd.Mesh:
     return dfd.Mesh(Rotation.from_euler("y", degrees, degrees=True).apply(np.array(refined.vertices)), refined.faces)
 
 
-def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
-    """Return the vertices of `mesh`, scaled along each axis to fit the bounding box of `other`."""
-    return other.bounds[0] + (mesh.vertices - mesh.bounds[0]) / np.maximum(mesh.extents, 1e-12) * other.extents
+def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> dfd.Mesh:
+    """Return `mesh`, scaled along each axis to fit the bounding box of `other`."""
+    scales = other.extents / np.maximum(mesh.extents, 1e-12)
+    return dfd.Mesh(other.bounds[0] + (mesh.vertices - mesh.bounds[0]) * scales, mesh.faces)
 
 
 def fig20(context: Context) -> Page:

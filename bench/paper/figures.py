@@ -12,8 +12,9 @@ import numpy as np
 
 from bench.paper import controls, features, resolution
 from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL
-from bench.paper.page import ALIKE, Claim, Figure, Row, Rule
+from bench.paper.page import ALIKE, Claim, Figure, Page, Row, Rule
 from bench.paper.resolution import COUNTS, FORWARD, LUCY, PHASES, TIMED_PEERS, of_count
+from bench.paper.subjects import Context
 
 METRICS = ("area %", "angle °", "edge %", "volume %")
 SHAPES = 6  # smallest number of shapes for a claim of Fig. 22
@@ -180,6 +181,11 @@ def low(paper: str, measured: str, number: Rule, most: float, marked: bool = Tru
     return Claim(paper, measured, number, most=most, marked=marked)
 
 
+def figure(make: Callable[[Context], Page], *claims: Claim, cause: str = "") -> Figure:
+    """Return a figure with `claims`."""
+    return Figure(make, claims, cause)
+
+
 def of_variants(name: str, first: str, second: str, least: float = 0.0) -> Rule:
     """Return a rule: the mean of column `name` in rows with the variant `first`, divided by that with `second`."""
     return ratio(column(name, variant=first), column(name, variant=second), least)
@@ -198,158 +204,133 @@ SMOOTH = [
     low("more structure-aware", "asymmetry, DFD / biharmonic", against("asymmetry %", "biharmonic"), 1),
 ]
 FIGURES: dict[str, Figure] = {
-    "fig1": Figure(
+    "fig1": figure(
         controls.fig1,
-        [
-            high(
-                "a plane of symmetry for every shape",
-                "shapes with a plane, %",
-                column("plane found %"),
-                100,
-                marked=False,
-            )
-        ],
-        ENCODER,
+        high(
+            "a plane of symmetry for every shape", "shapes with a plane, %", column("plane found %"), 100, marked=False
+        ),
+        cause=ENCODER,
     ),
-    "fig2": Figure(controls.fig2, [low("plausible pictures", "flipped faces, %", column("flipped %"), 1)]),
-    "fig3": Figure(
-        controls.fig3, [high("edits propagate to related parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]
-    ),
-    "fig4": Figure(
+    "fig2": figure(controls.fig2, low("plausible pictures", "flipped faces, %", column("flipped %"), 1)),
+    "fig3": figure(controls.fig3, high("edits propagate to related parts", RIGHT_PAIRS, column("agreement %"), ALIKE)),
+    "fig4": figure(
         features.fig4,
-        [
-            low(
-                "virtually identical fields",
-                "distance of both fields / spread of the features",
-                ratio(column("mean distance"), column("spread")),
-                0.5,
-            )
-        ],
+        low(
+            "virtually identical fields",
+            "distance of both fields / spread of the features",
+            ratio(column("mean distance"), column("spread")),
+            0.5,
+        ),
     ),
-    "fig5": Figure(
-        controls.fig5, [low("score below 0.1", "largest score", column("score", max), 0.1, marked=False)], ENCODER
+    "fig5": figure(
+        controls.fig5, low("score below 0.1", "largest score", column("score", max), 0.1, marked=False), cause=ENCODER
     ),
-    "fig6": Figure(
+    "fig6": figure(
         controls.fig6,
-        [
-            low(
-                "what looks like the fixed point stays",
-                "motion of similar places, fixed / free",
-                of_variants("similar places move %", controls.FIXED, controls.FREE, 0.5),
-                0.2,
-            )
-        ],
+        low(
+            "what looks like the fixed point stays",
+            "motion of similar places, fixed / free",
+            of_variants("similar places move %", controls.FIXED, controls.FREE, 0.5),
+            0.2,
+        ),
     ),
-    "fig7": Figure(
+    "fig7": figure(
         controls.fig7,
-        [
-            low(
-                "the head turns without locality, only the horn with it",
-                "weight at related places, λ = 32 / λ = 0",
-                of_variants("related places follow %", "λ = 32", "λ = 0"),
-                0.2,
-            )
-        ],
+        low(
+            "the head turns without locality, only the horn with it",
+            "weight at related places, λ = 32 / λ = 0",
+            of_variants("related places follow %", "λ = 32", "λ = 0"),
+            0.2,
+        ),
     ),
-    "fig8": Figure(
+    "fig8": figure(
         JOBS["fig8"],
-        [
-            low(
-                "unrelated parts stay without fixed points",
-                "motion of others' fixed points, % of the handle's",
-                column("fixed points move %"),
-                25,
-            )
-        ],
+        low(
+            "unrelated parts stay without fixed points",
+            "motion of others' fixed points, % of the handle's",
+            column("fixed points move %"),
+            25,
+        ),
     ),
-    "fig9": Figure(JOBS["fig9"], SMOOTH, STRETCHES),
-    "fig10": Figure(
+    "fig9": figure(JOBS["fig9"], *SMOOTH, cause=STRETCHES),
+    "fig10": figure(
         resolution.fig10,
-        [
-            low("robust to size", "longest / shortest preprocessing", column("preprocess s", spread), 3),
-            low("as fast as biharmonic at 10³ faces", "seconds of all phases, DFD / biharmonic", at_fewest_faces, 1),
-            low("biharmonic fails past 10⁵ faces", "most faces with biharmonic", most_faces, BIHARMONIC_FAILS),
-            low("scales best in every phase", "power of growth, DFD − least, worst phase", steeper, -GROWS_LESS),
-            low("sublinear in bind and pose", "larger power of growth", power, 1 - GROWS_LESS),
-        ],
-        f"distillation takes a fixed time, and binding includes the forward pass at every vertex; {HARDWARE}",
+        low("robust to size", "longest / shortest preprocessing", column("preprocess s", spread), 3),
+        low("as fast as biharmonic at 10³ faces", "seconds of all phases, DFD / biharmonic", at_fewest_faces, 1),
+        low("biharmonic fails past 10⁵ faces", "most faces with biharmonic", most_faces, BIHARMONIC_FAILS),
+        low("scales best in every phase", "power of growth, DFD − least, worst phase", steeper, -GROWS_LESS),
+        low("sublinear in bind and pose", "larger power of growth", power, 1 - GROWS_LESS),
+        cause=f"distillation takes a fixed time, and binding includes the forward pass at every vertex; {HARDWARE}",
     ),
-    "fig11": Figure(
+    "fig11": figure(
         features.fig11,
-        [low("similar edits", "largest / smallest angle change", of_encoders(column("angle °", spread)), 2)],
+        low("similar edits", "largest / smallest angle change", of_encoders(column("angle °", spread)), 2),
     ),
-    "fig12": Figure(
+    "fig12": figure(
         features.fig12,
-        [high("similar weights", "correlation with the first encoder's", of_encoders(column("correlation")), 0.7)],
+        high("similar weights", "correlation with the first encoder's", of_encoders(column("correlation")), 0.7),
     ),
-    "fig13": Figure(
+    "fig13": figure(
         features.fig13,
-        [
-            high(
-                "training on vertices gives much worse weights",
-                "difference from the fine mesh's weights, vertices / all pixels",
-                of_variants("mean difference", features.VERTICES_ALONE, features.ALL_PIXELS),
-                1.5,
-            )
-        ],
+        high(
+            "training on vertices gives much worse weights",
+            "difference from the fine mesh's weights, vertices / all pixels",
+            of_variants("mean difference", features.VERTICES_ALONE, features.ALL_PIXELS),
+            1.5,
+        ),
     ),
-    "fig14": Figure(
+    "fig14": figure(
         JOBS["fig14"],
-        [
-            low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *TIMED_PEERS), 1),
-            low(
-                "others move the shape as a whole",
-                "motion of unrelated places, DFD / least",
-                against("unrelated places move %", *TIMED_PEERS),
-                1,
-            ),
-        ],
+        low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *TIMED_PEERS), 1),
+        low(
+            "others move the shape as a whole",
+            "motion of unrelated places, DFD / least",
+            against("unrelated places move %", *TIMED_PEERS),
+            1,
+        ),
     ),
-    "fig15": Figure(
+    "fig15": figure(
         JOBS["fig15"],
-        [degenerates("biharmonic"), degenerates("NeuralMLS")],
-        "not shown: our implementations have unique weights also with few handles, and reach their targets",
+        degenerates("biharmonic"),
+        degenerates("NeuralMLS"),
+        cause="not shown: our implementations have unique weights also with few handles, and reach their targets",
     ),
-    "fig16": Figure(JOBS["fig16"], SMOOTH, STRETCHES),
-    "fig17": Figure(resolution.fig17, [low("no tears", "largest gap, % of the motion", column("gap %", max), 5)]),
-    "fig18": Figure(
+    "fig16": figure(JOBS["fig16"], *SMOOTH, cause=STRETCHES),
+    "fig17": figure(resolution.fig17, low("no tears", "largest gap, % of the motion", column("gap %", max), 5)),
+    "fig18": figure(
         resolution.fig18,
-        [
-            low("constant training time T", "longest / shortest T", column("T s", spread), 2),
-            low("28 million faces in a minute", "s to distill", at_lucy, 60),
-        ],
-        HARDWARE,
+        low("constant training time T", "longest / shortest T", column("T s", spread), 2),
+        low("28 million faces in a minute", "s to distill", at_lucy, 60),
+        cause=HARDWARE,
     ),
-    "fig19": Figure(
+    "fig19": figure(
         features.fig19,
-        [
-            low("same weights on remeshings", "largest ratio of areas", column("area, larger / smaller", max), 1.5),
-            high("remeshings follow alike", "least agreement, %", column("agreement of copies %", min), ALIKE),
-            high("other shapes follow alike", "lowest agreement, %", column("agreement of other shapes %", min), ALIKE),
-        ],
-        "parts merge on few faces, and legs of other shapes lie elsewhere in the field's space",
+        low("same weights on remeshings", "largest ratio of areas", column("area, larger / smaller", max), 1.5),
+        high("remeshings follow alike", "least agreement, %", column("agreement of copies %", min), ALIKE),
+        high("other shapes follow alike", "lowest agreement, %", column("agreement of other shapes %", min), ALIKE),
+        cause="parts merge on few faces, and legs of other shapes lie elsewhere in the field's space",
     ),
-    "fig20": Figure(features.fig20, [high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)]),
-    "fig21": Figure(
+    "fig20": figure(features.fig20, high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)),
+    "fig21": figure(
         JOBS["fig21"],
-        [low("reasonable shapes", "diagonal of the result / of the shape", column("size", max, noted=True), 1.5)],
-        "where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
+        low("reasonable shapes", "diagonal of the result / of the shape", column("size", max, noted=True), 1.5),
+        cause="where weights sum to more than 1, Eq. 1 multiplies positions by the sum",
     ),
-    "fig22": Figure(
+    "fig22": figure(
         JOBS["fig22"],
-        [
+        *(
             high("more distortion than all others", f"least of 12 quotients, {each}", distorts_more(each), 1)
             for each in (FEW, MANY)
-        ],
-        "few fixed points hold the shape loosely, so the other method shears it as a whole",
+        ),
+        cause="few fixed points hold the shape loosely, so the other method shears it as a whole",
     ),
-    "table1": Figure(
-        resolution.table1, [high("every tick of Table 1", "least share of ticks as in the paper, %", least_ticks, 100)]
+    "table1": figure(
+        resolution.table1, high("every tick of Table 1", "least share of ticks as in the paper, %", least_ticks, 100)
     ),
-    "table3": Figure(
+    "table3": figure(
         resolution.table3,
-        [high("641 to 1,150 times as fast", "least of 3 quotients of seconds, OptCtrlPoints / DFD", speedup, ORDERS)],
-        "all but K + 4 equations of our system are factored before, and the paper does not state its nodes; "
+        high("641 to 1,150 times as fast", "least of 3 quotients of seconds, OptCtrlPoints / DFD", speedup, ORDERS),
+        cause="all but K + 4 equations of our system are factored before, and the paper does not state its nodes; "
         + HARDWARE,
     ),
 }

@@ -50,9 +50,8 @@ def judged(shape: LabelledShape, field: dfd.Field) -> dict[str, float]:
     found = {name: measures.handle_precision(each, labels, handles) for name, each in rankings.items()}
     parts = Parts(mesh, field.on(mesh).rows, lambda: symmetry_planes(mesh, field))
     moved = {"part": [parts.part(handle).mask for handle in handles.tolist()]}
-    for name, preset in (("grip", "default"), ("paper's grip", "paper")):
-        session = dfd.Deformer(mesh, field, preset=preset, features=features)
-        moved[name] = measures.weights_of_each(session, handles)
+    sessions = {"grip": measures.session_of(mesh, field), "paper's grip": dfd.Deformer(mesh, field, preset="paper")}
+    moved |= {name: measures.weights_of_each(session, handles) for name, session in sessions.items()}
     for name, masks in moved.items():
         found[name] = [measures.soft_iou(areas, *each) for each in zip(masks, truths, strict=True)]
     return {name: measures.mean_over_labels(labels[handles], values) for name, values in found.items()}

@@ -62,9 +62,12 @@ def test_fields_and_sessions_have_the_preset(preset, folder, tmp_path):
         main(["labelled", str(folder), "--output", str(tmp_path), "--preset", preset])
     assert set(made) == {preset}
     assert (tmp_path / f"labelled{'_paper' if preset == 'paper' else ''}.csv").is_file()
-    mesh = dfd.samples.chair(4_000).mesh
-    assert session_of(mesh, field_of(mesh).with_settings({"preset": preset})).preset == preset
-    assert session_of(mesh, field_of(mesh)).preset == "default"
+    shape = next(labelled.labelled_shapes(folder))
+    field = field_of(shape.mesh).with_settings({"preset": preset})
+    assert session_of(shape.mesh, field).preset == preset
+    assert session_of(shape.mesh, field_of(shape.mesh)).preset == "default"
+    found = labelled.judged(shape, field)
+    assert (found["grip"] == found["paper's grip"]) == (preset == "paper")
 
 
 @pytest.mark.parametrize(
