@@ -1,12 +1,17 @@
 """Compare the default weight with its formula, Eq. 9 to 12 of docs/how_it_works/method.md."""
 
+import re
+import sys
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
 from test_contacts import FEET, box, joined, session_of
 
 import dfd
+import dfd.editing.weights
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.weights import fill, held_part
 
@@ -96,3 +101,23 @@ def test_the_page_has_the_numbers_of_the_code():
     )
     for number in (fill.REST, fill.REST_OF_RADIUS, held_part.OUTSIDE, fill.VISIBLE, fill.STRAIN):
         assert f"{number:g}" in page
+
+
+def test_one_handle_enters_no_module_of_several_handles_or_of_features(sessions):
+    session, entered = dfd.Deformer(sessions["animal"].mesh, sessions["animal"].field, other_shape=True), set()
+    sys.setprofile(lambda frame, event, _: entered.add(Path(frame.f_code.co_filename).stem))
+    try:
+        session.add("top", translation=(0, 0.1, 0))
+        assert np.abs(session.vertices - session.mesh.vertices).max() > 0.05
+    finally:
+        sys.setprofile(None)
+    assert {"session_weights", "held_part", "fill"} <= entered
+    assert not {"by_features", "fixed_points", "several_handles", "axis_motions"} & entered
+
+
+def test_the_names_of_the_page_are_those_of_the_code():
+    page = (Path(__file__).parents[3] / "docs" / "how_it_works" / "concepts.md").read_text("utf-8")
+    names = re.findall(r"^\| `(\w+)` \|", page.partition("## Names in the code")[2], re.MULTILINE)
+    modules = [import_module(f"dfd.editing.weights.{each.name}") for each in iter_modules(dfd.editing.weights.__path__)]
+    assert len(names) >= 9
+    assert [name for name in names if not any(hasattr(module, name) for module in modules)] == []

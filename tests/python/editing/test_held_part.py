@@ -225,11 +225,11 @@ def test_weights_are_those_of_the_interpolated_depth_at_every_vertex(most):
     component = np.where(height > 2.6, 0, np.where(height > 1.4, 1, -1))
     vertex, everything = 320 * AROUND, np.arange(len(mesh.vertices))
     alike = np.linspace(0.5, 1, len(mesh.vertices), dtype=np.float32)
-    with mock.patch.object(module, "_component", wraps=module._component) as made:
+    with mock.patch.object(module, "_at_vertices", wraps=module._at_vertices) as made:
         held = hold(mesh, component, vertex, mesh.vertices[vertex], alike)
     assert len(held.components) == 2
     for one, call in zip(held.components, made.call_args_list, strict=True):
-        field, share = call.args[-2:]
+        field, share = call.args[1:3]
         band = Band(one.outward, one.inward)
         depth = module._on_vertices(nodes, field, everything).astype(np.float32)
         shares = nodes.interpolated(share.astype(np.float32), everything)

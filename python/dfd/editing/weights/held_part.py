@@ -44,7 +44,9 @@ class Component:
     radius: float  # r: mean radius of the borders (`OUTSIDE`); 0 without a border
     outward: float  # O: largest distance of the band's outer end from the border
     inward: float  # N: largest distance of the band's inner end from the border
-    room: float  # ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    room: (
+        float  # ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    )
     core: Share  # the vertices beyond the inner end of every band, and their share of the motion
     vertices: Int32  # (M,) vertices that a band can contain
     depth: Float32  # (M,) d: their depths
@@ -199,15 +201,14 @@ def _components(
     here = float(_on_vertices(nodes, fields[0], held).min(initial=np.inf))
     shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
     room = min((here + shift) / max(inward[0], 1e-300), 1.0)
-    centers = [nodes.center[component == k].mean(axis=0) for k in range(count)]
-    free = _free(nodes, attached, held)
-    return tuple(
-        _component(
-            nodes, each, *border, middle, outward[k], room * inward[k], room, attached[k], free[k],
-            fields[k] + shift, shares[k],
-        )
-        for k, (each, border, middle) in enumerate(zip(counterparts, borders, centers, strict=True))
-    )  # fmt: skip
+    free, found = _free(nodes, attached, held), []
+    for k, (counterpart, (border, number, radius)) in enumerate(zip(counterparts, borders, strict=True)):
+        direction, ends = np.zeros(3), (float(outward[k]), float(room * inward[k]))
+        if number == 1:
+            direction = unit((nodes.center[component == k].mean(axis=0) - border.mean(axis=0))[None])[0]
+        at_vertices = _at_vertices(nodes, fields[k] + shift, shares[k], *ends, attached[k], free[k])
+        found.append(Component(counterpart, border, direction, radius, *ends, room, **at_vertices))
+    return tuple(found)
 
 
 def _free(nodes: Nodes, attached: Sequence[Attachment | None], held: Int64) -> list[float]:
@@ -333,24 +334,19 @@ def _on_vertices(nodes: Nodes, field: Float64, vertices: Int64) -> Float64:
     return result
 
 
-def _component(
+def _at_vertices(
     nodes: Nodes,
-    counterpart: Counterpart,
-    border: Float64,
-    borders: int,
-    radius: float,
-    middle: Float64,
-    outward: float,
-    inward: float,
-    room: float,
-    attached: Attachment | None,
-    free: float,
     field: Float64,
     share: Float64,
-) -> Component:
-    direction = np.zeros(3)
-    if borders == 1:
-        direction = unit((middle - border.mean(axis=0))[None])[0]
+    outward: float,
+    inward: float,
+    attached: Attachment | None,
+    free: float,
+) -> dict[str, Any]:
+    """Return the fields of a `Component` that have values at vertices, and its contacts.
+
+    `field` and `share` (N,) are the depths and the shares of the nodes. The other arguments are fields of `Component`.
+    """
     used = (share > 0) & (field > -outward)
     uncertain = ~((field >= inward) & (share >= 1))
     if attached is not None:
@@ -364,30 +360,17 @@ def _component(
     shares = nodes.interpolated(share.astype(np.float32), vertices)
     some = (depth > -outward) & (shares > 0)
     vertices, depth, shares = vertices[some], depth[some], shares[some]
-    at_contacts: dict[str, Any] = {}
+    found: dict[str, Any] = {"core": Share(core.astype(np.int32), np.ones(len(core), np.float32))}
     if attached is not None and attached.kept:
         apart = _on_vertices(nodes, attached.apart[nodes.follows], vertices).astype(np.float32)
-        at_contacts = {"kept": attached.kept, "apart": apart, "free": free}
+        found |= {"kept": attached.kept, "apart": apart, "free": free}
     if attached is not None and attached.drawing:
         touched = np.flatnonzero((attached.drawn < attached.reach)[nodes.follows][nodes.of_vertex])
         drawn = _on_vertices(nodes, attached.drawn[nodes.follows], touched).astype(np.float32)
-        at_contacts |= {"drawing": attached.drawing, "drawn": drawn, "drawn_reach": attached.reach}
+        found |= {"drawing": attached.drawing, "drawn": drawn, "drawn_reach": attached.reach}
         far = np.full(len(touched), np.inf)
         if attached.kept:
-            at_contacts["apart"] = np.concatenate([at_contacts["apart"], far.astype(np.float32)])
+            found["apart"] = np.concatenate([found["apart"], far.astype(np.float32)])
         vertices, depth = np.concatenate([vertices, touched]), np.concatenate([depth, far])
         shares = np.concatenate([shares, np.ones(len(touched), np.float32)])
-    return Component(
-        counterpart,
-        border,
-        direction,
-        radius,
-        outward,
-        inward,
-        room,
-        Share(core.astype(np.int32), np.ones(len(core), np.float32)),
-        vertices.astype(np.int32),
-        depth.astype(np.float32),
-        shares,
-        **at_contacts,
-    )
+    return found | {"vertices": vertices.astype(np.int32), "depth": depth.astype(np.float32), "share": shares}

@@ -221,6 +221,7 @@ class SessionWeights:
 
     def weights(self, edit: Edit) -> Float32:
         """Return the weights (V, H) of Eq. 4 to 7: each column is for a handle and all its counterparts."""
+        self._make_room(len(edit.handles))
         found = np.zeros((len(edit.handles), len(self.mesh.vertices)), np.float32)
         for number, (handle, row) in enumerate(zip(edit.handles, found, strict=True)):
             held = self.held(edit, handle) if handle.controls.reach == "part" else None
