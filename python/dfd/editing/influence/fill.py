@@ -103,7 +103,7 @@ def widest(bands: Sequence[Band]) -> Band:
 def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
     """Return the bands of the pieces of a column, for the motion of its handle in `edit`."""
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
-    matrix = column.matrix(edit)
+    matrix = column.matrix(edit, most=180.0)  # a border that comes back after a whole turn still needs a wide band
     return tuple(band_of(piece.component, matrix, default, mesh.diagonal) for piece in column.pieces)
 
 
