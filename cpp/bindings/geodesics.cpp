@@ -42,6 +42,16 @@ void init_geodesics(nb::module_& m)
         "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
         "Write the longest side and the area of each face to `out` (F, 2), for `vertices` (V, 3) and `faces` (F, 3).");
     m.def(
+        "piece_sizes",
+        [](InputMatrix<double> vertices, Indices faces, Indices piece, Indices flipped, OutputMatrix<double> out) {
+            nb::gil_scoped_release release;
+            dfd::piece_sizes(matrix(vertices), matrix(faces), matrix(piece), matrix(flipped), matrix(out));
+        },
+        "vertices"_a.noconvert(), "faces"_a.noconvert(), "piece"_a.noconvert(), "flipped"_a.noconvert(),
+        "out"_a.noconvert(),
+        "Write the area of each piece, the area of faces that are not flipped minus that of others, and the volume below "
+        "the piece to `out` (P, 3). `piece` (F, 1) and `flipped` (F, 1) belong to `faces` (F, 3).");
+    m.def(
         "interpolate",
         [](InputMatrix<double> vertices, InputMatrix<double> centers, IndexVector of_vertex, IndexVector starts,
            IndexVector neighbors, IndexVector chosen, InputMatrix<float> values, OutputMatrix<float> out, int threads) {

@@ -21,7 +21,7 @@ namespace {
 
 using Transforms = nb::ndarray<const double, nb::shape<-1, 3, 4>, nb::c_contig, nb::device::cpu>;
 using Transform = nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu>;
-using Polars = nb::ndarray<const double, nb::shape<-1, 10>, nb::c_contig, nb::device::cpu>;  // rows of `dfd::Polar`
+using Polars = nb::ndarray<const double, nb::shape<-1, 19>, nb::c_contig, nb::device::cpu>;  // rows of `dfd::Polar`
 using Plane = std::tuple<std::array<double, 3>, double, double>;  // unit normal, offset, half width of the blend band
 
 /// Returns the rows of an array as a vector of `Row`, or an empty vector if there is no array.
@@ -36,17 +36,14 @@ std::vector<Row> rows_of(const std::optional<Array>& array)
 template <class T>
 void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, std::optional<Polars> polar,
           Transform rest, std::optional<Plane> plane, std::optional<InputVector<bool>> positive,
-          std::optional<InputMatrix<double>> places, std::optional<InputMatrix<double>> mixing, int overlap,
-          int blend, std::optional<InputMatrix<T>> base,
+          std::optional<InputMatrix<double>> mixing, int overlap, int blend, std::optional<InputMatrix<T>> base,
           std::optional<InputMatrix<T>> normals, OutputMatrix<T> out, std::optional<OutputMatrix<T>> out_normals,
           int threads)
 {
-    if (places && places->shape(1) != 3) throw std::invalid_argument("pose: `handles` must be (H, 3)");
     const auto affine = rows_of<dfd::Affine>(std::optional(transforms));
-    const auto placed = rows_of<dfd::Vector3d>(places);
     const auto decomposed = rows_of<dfd::Polar>(polar);
     dfd::Motion motion{
-        affine, {}, {}, static_cast<dfd::Overlap>(overlap), static_cast<dfd::Blend>(blend), placed, decomposed, {}};
+        affine, {}, {}, static_cast<dfd::Overlap>(overlap), static_cast<dfd::Blend>(blend), decomposed, {}};
     std::memcpy(motion.rest.data(), rest.data(), sizeof motion.rest);
     if (plane && positive) {
         const auto& [normal, offset, band] = *plane;
@@ -68,7 +65,7 @@ void define_pose(nb::module_& m)
 {
     m.def("pose", &pose<T>, "vertices"_a.noconvert(), "weights"_a.noconvert(), "transforms"_a.noconvert(),
           "polar"_a.noconvert().none(), "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(),
-          "places"_a.noconvert().none(), "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
+          "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
           "Move `vertices` (V, 3) by `transforms` (H, 3, 4) as in Eq. 1 and 8, and write the result to `out` (V, 3). "
           "If `mixing` (H, H) is given, `weights` · `mixing` replaces `weights` (V, H).");

@@ -28,10 +28,8 @@ void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
     require(arrays.weights.contiguous(), "pose: `weights` must have contiguous rows or columns");
     require(!motion.mirror || motion.mirror->positive.size() == handle_count,
             "pose: `symmetry` must have a side for every handle");
-    require(motion.blend == Blend::linear || motion.places.size() == handle_count,
-            "pose: `handles` must have the position of each handle");
-    require(motion.blend == Blend::linear || motion.polar.size() == handle_count + 1,
-            "pose: `polar` must have a row for each handle and for the default");
+    require(motion.blend == Blend::linear || motion.polar.size() == handle_count * (motion.mirror ? 2 : 1) + 1,
+            "pose: `polar` must have a row for each handle, for each mirrored handle, and for the default");
     require(motion.blend == Blend::linear || arrays.base.data == nullptr, "pose: only a linear blend takes a `base`");
     require(motion.mixing.empty() || motion.mixing.size() == handle_count * handle_count,
             "pose: `mixing` must be (H, H)");
@@ -73,8 +71,6 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     require_finite_weights(arrays.weights);
     require_finite(arrays.base, "pose", "base");
     require_finite(arrays.normals, "pose", "normals");
-    if (!motion.places.empty())
-        require_finite(Matrix<const double>{motion.places.data()->data(), motion.places.size(), 3}, "pose", "handles");
     throw std::invalid_argument("pose: `transforms` move a vertex beyond the largest number that its type holds");
 }
 

@@ -15,10 +15,14 @@ using Affine = std::array<double, 12>;
 
 using Vector3d = std::array<double, 3>;
 
-/// A linear map A = R S: a stretch S along perpendicular axes, followed by a rotation R.
+/// A transform as a stretch p ↦ S p + s, then twice the rigid motion p ↦ R p + r, and then a translation. R is half of
+/// the rotation, so a blend of rotations is continuous up to 720°.
 struct Polar {
-    std::array<double, 4> rotation;  // unit quaternion w, x, y, z
+    std::array<double, 4> rotation;  // unit quaternion w, x, y, z of R
+    Vector3d shift;                  // r, mesh units
     std::array<double, 6> stretch;   // S - I: xx, yy, zz, yz, zx, xy
+    Vector3d stretch_shift;          // s, mesh units
+    Vector3d translation;            // mesh units
 };
 
 /// The mirror plane {p : normal·p = offset} of Eq. (8), and the side of each handle.
@@ -36,8 +40,9 @@ struct Motion {
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const Vector3d> places = {};  // (H) positions of the handles, needed for dual quaternions
-    std::span<const Polar> polar = {};      // (H + 1) `transforms` and `rest`, needed for dual quaternions
+    // polar: needed for dual quaternions: `transforms`, with a mirror plane their mirror images, and `rest`;
+    // (H + 1), or (2 H + 1) with a mirror plane
+    std::span<const Polar> polar = {};
     std::span<const double> mixing = {};    // (H, H) row-major; if given, `weights` · `mixing` replaces `weights`
 };
 
@@ -57,8 +62,7 @@ struct PoseArrays {
 /// Coordinates are taken relative to the first vertex, so the result is precise even far from the origin. If all
 /// transforms are the identity, vertices keep all bits. With overlap `paper`, their weights must also sum to at most 1.
 ///
-/// With dual quaternions, a transform is split into a stretch about the handle's position, and a rigid motion that
-/// follows. The stretch of D_0 is about the first vertex. Overlap `paper` has the effect of `normalize`.
+/// With dual quaternions, the parts of `Motion::polar` are blended. Overlap `paper` has the effect of `normalize`.
 /// @throws std::invalid_argument if array shapes disagree, or a value is not finite or too large for T
 /// @throws Stopped if `poll` returned true
 template <class T>

@@ -29,16 +29,15 @@ inline Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b
 
 inline Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-/// A transform that displaces a point p by `change` p + `shift`. The stretch in `polar` is about the point `place`.
+/// A transform that displaces a point p by `change` p + `shift`.
 struct Displacement {
     Matrix3d change;  // linear part minus the identity
-    Point shift, place;
-    Polar polar;
+    Point shift;
 };
 
-inline Displacement displacement_of(const Affine& transform, const Point& place, const Polar& polar)
+inline Displacement displacement_of(const Affine& transform)
 {
-    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, polar};
+    Displacement d{{}, {transform[3], transform[7], transform[11]}};
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column)
             d.change[row * 3 + column] = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
@@ -86,48 +85,30 @@ inline Displacement reflected(const Displacement& d, const Mirror& mirror)
 {
     const Matrix3d reflection = reflection_of(mirror);
     const Point across = across_of(mirror);
-    Displacement result = d;
-    result.change = reflected(d.change, reflection);
-    result.shift = product(reflection, sum(product(d.change, across), d.shift));
-    result.place = sum(product(reflection, d.place), across);
-    const auto& [w, x, y, z] = d.polar.rotation;
-    const Point axis = product(reflection, {x, y, z});
-    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a reflection reverses the direction of rotation
-    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
-    const Matrix3d stretch = reflected({xx, xy, zx, xy, yy, yz, zx, yz, zz}, reflection);
-    result.polar.stretch = {stretch[0], stretch[4], stretch[8], stretch[5], stretch[2], stretch[1]};
-    return result;
+    return {reflected(d.change, reflection), product(reflection, sum(product(d.change, across), d.shift))};
 }
 
-/// Negates the quaternion of `d` if its dot product with the quaternion of D_0 (`rest`) is negative. The blend
-/// of both quaternions then follows the shorter rotation from one to the other.
-inline void align(Displacement& d, const Displacement& rest)
+inline bool has_stretch(const Polar& polar)
 {
-    double cosine = 0;
-    for (std::size_t k = 0; k < 4; ++k) cosine += d.polar.rotation[k] * rest.polar.rotation[k];
-    if (cosine >= 0) return;
-    for (double& entry : d.polar.rotation) entry = -entry;
-}
-
-inline bool has_stretch(const Displacement& d)
-{
-    return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
+    const auto moves = [](double entry) { return entry != 0; };
+    return std::any_of(polar.stretch.begin(), polar.stretch.end(), moves) ||
+           std::any_of(polar.stretch_shift.begin(), polar.stretch_shift.end(), moves);
 }
 
 /// Appends the entries of a transform (see `entries_of`) to `table`. They apply to points relative to `center`.
-inline void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
+inline void append(std::vector<double>& table, const Displacement& d, const Point& center)
 {
-    if (blend == Blend::linear) {
-        const Point shift = sum(d.shift, product(d.change, center));
-        for (std::size_t row = 0; row < 3; ++row) {
-            table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
-            table.push_back(shift[row]);
-        }
-        return;
+    const Point shift = sum(d.shift, product(d.change, center));
+    for (std::size_t row = 0; row < 3; ++row) {
+        table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
+        table.push_back(shift[row]);
     }
-    const auto& q = d.polar.rotation;
-    const Point arm = difference(center, d.place);
-    const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
+}
+
+inline void append(std::vector<double>& table, const Polar& polar, const Point& center, bool stretched)
+{
+    const auto& q = polar.rotation;
+    const Point t = sum(rotation_displacement(q, center), polar.shift);
     table.push_back(q[0] - 1);
     table.insert(table.end(), q.begin() + 1, q.end());
     table.push_back(-0.5 * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]));
@@ -135,10 +116,11 @@ inline void append(std::vector<double>& table, const Displacement& d, const Poin
         const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
         table.push_back(0.5 * (q[0] * t[k] + t[a] * q[b + 1] - t[b] * q[a + 1]));
     }
+    table.insert(table.end(), polar.translation.begin(), polar.translation.end());
     if (!stretched) return;
-    table.insert(table.end(), d.polar.stretch.begin(), d.polar.stretch.end());
-    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
-    const Point shift = product({xx, xy, zx, xy, yy, yz, zx, yz, zz}, arm);
+    table.insert(table.end(), polar.stretch.begin(), polar.stretch.end());
+    const auto& [xx, yy, zz, yz, zx, xy] = polar.stretch;
+    const Point shift = sum(product({xx, xy, zx, xy, yy, yz, zx, yz, zz}, center), polar.stretch_shift);
     table.insert(table.end(), shift.begin(), shift.end());
 }
 
@@ -175,32 +157,31 @@ struct Tables {
 
     Tables(const Motion& motion, const Point& center)
     {
-        std::vector<Displacement> given, mirrored;
-        const auto polar = [&](std::size_t k) { return motion.polar.empty() ? Polar{} : motion.polar[k]; };
-        const Displacement rest_displacement = displacement_of(motion.rest, center, polar(motion.transforms.size()));
-        for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
-            const Point& place = motion.places.empty() ? center : motion.places[k];
-            given.push_back(displacement_of(motion.transforms[k], place, polar(k)));
-            if (motion.mirror) mirrored.push_back(reflected(given.back(), *motion.mirror));
-        }
-        stretched = has_stretch(rest_displacement) || std::any_of(given.begin(), given.end(), has_stretch);
+        const std::size_t handle_count = motion.transforms.size();
+        stretched = std::any_of(motion.polar.begin(), motion.polar.end(), has_stretch);
         std::vector<double> positive_entries, negative_entries, rest_entries;
-        for (std::size_t k = 0; k < given.size(); ++k) {
-            align(given[k], rest_displacement);
-            if (motion.mirror) align(mirrored[k], rest_displacement);
+        const auto add = [&](std::vector<double>& table, std::size_t k, bool mirrored) {
+            if (motion.blend != Blend::linear) {
+                append(table, motion.polar[mirrored ? handle_count + k : k], center, stretched);
+            } else {
+                const Displacement d = displacement_of(motion.transforms[k]);
+                append(table, mirrored ? reflected(d, *motion.mirror) : d, center);
+            }
+        };
+        for (std::size_t k = 0; k < handle_count; ++k) {
             const bool on_negative_side = motion.mirror && !motion.mirror->positive[k];
-            append(positive_entries, on_negative_side ? mirrored[k] : given[k], center, motion.blend, stretched);
-            if (!motion.mirror) continue;
-            append(negative_entries, on_negative_side ? given[k] : mirrored[k], center, motion.blend, stretched);
+            add(positive_entries, k, on_negative_side);
+            if (motion.mirror) add(negative_entries, k, !on_negative_side);
         }
-        append(rest_entries, rest_displacement, center, motion.blend, stretched);
+        if (motion.blend == Blend::linear) append(rest_entries, displacement_of(motion.rest), center);
+        else append(rest_entries, motion.polar.back(), center, stretched);
         const std::size_t entries = entries_of(motion.blend, stretched);
         mix(positive_entries, motion, entries);
         mix(negative_entries, motion, entries);
         rest = narrowed<T>(rest_entries);
         positive = narrowed<T>(positive_entries);
         negative = narrowed<T>(negative_entries);
-        const std::size_t count = motion.mixing.empty() ? 0 : given.size();
+        const std::size_t count = motion.mixing.empty() ? 0 : handle_count;
         for (std::size_t m = 0; m < count; ++m) {
             double share = 0;
             for (std::size_t k = 0; k < count; ++k) share += motion.mixing[m * count + k];

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace dfd {
@@ -66,6 +67,45 @@ void face_sizes(Matrix<const double> vertices, Matrix<const std::int32_t> faces,
             out.row(f)[1] = std::sqrt(squared(crossed)) / 2;
         }
     });
+}
+
+void piece_sizes(Matrix<const double> vertices, Matrix<const std::int32_t> faces, Matrix<const std::int32_t> piece,
+                 Matrix<const std::int32_t> flipped, Matrix<double> out)
+{
+    using Vector = std::array<double, 3>;
+    require(vertices.columns == 3, "piece_sizes: `vertices` must have shape (V, 3)");
+    require_indices(faces, 3, vertices.rows, "piece_sizes: `faces` must be (F, 3) vertex indices");
+    require_indices(piece, 1, out.rows, "piece_sizes: `piece` must be (F, 1) rows of `out`");
+    require(piece.rows == faces.rows && flipped.rows == faces.rows && flipped.columns == 1,
+            "piece_sizes: `piece` and `flipped` must have shape (F, 1)");
+    require(out.columns == 3, "piece_sizes: `out` must have shape (P, 3)");
+    std::vector<Vector> centers(out.rows);
+    std::fill_n(out.data, 3 * out.rows, 0.0);
+    // In the second round, `centers` are known.
+    for (const bool second : {false, true}) {
+        for (std::size_t f = 0; f < faces.rows; ++f) {
+            std::array<const double*, 3> corners;
+            for (std::size_t k = 0; k < 3; ++k) corners[k] = &vertices.row(static_cast<std::size_t>(faces.row(f)[k]))[0];
+            const auto [a, b, c] = corners;
+            const Vector u{b[0] - a[0], b[1] - a[1], b[2] - a[2]}, v{c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+            const Vector n{u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+            const auto number = static_cast<std::size_t>(piece.row(f)[0]);
+            const double sign = flipped.row(f)[0] == 0 ? 1 : -1;
+            const auto sizes = out.row(number);
+            Vector& center = centers[number];
+            if (second) {
+                const double height = n[0] * (a[0] - center[0]) + n[1] * (a[1] - center[1]) + n[2] * (a[2] - center[2]);
+                sizes[2] += sign * height / 6;
+            } else {
+                const double area = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) / 2;
+                sizes[0] += area;
+                sizes[1] += sign * area;
+                for (std::size_t k = 0; k < 3; ++k) center[k] += area * (a[k] + b[k] + c[k]) / 3;
+            }
+        }
+        for (std::size_t p = 0; p < out.rows && !second; ++p)
+            for (double& coordinate : centers[p]) coordinate /= std::max(out.row(p)[0], std::numeric_limits<double>::min());
+    }
 }
 
 }  // namespace dfd

@@ -19,4 +19,13 @@ std::vector<std::int32_t> components(std::size_t vertex_count, Matrix<const std:
 /// @throws std::invalid_argument if array shapes disagree or an index is out of range
 void face_sizes(Matrix<const double> vertices, Matrix<const std::int32_t> faces, Matrix<double> out, int threads);
 
+/// Writes three sizes of each piece of a surface to `out` (P, 3): its area, the area of faces that are not `flipped`
+/// minus that of others, and the volume below the surface after the `flipped` faces are reversed. The volume is that of
+/// the tetrahedra of all faces and the centroid of the piece; it is above 0 if faces look away from the centroid.
+/// @param piece    (F, 1) the piece of each face
+/// @param flipped  (F, 1) 1 or 0
+/// @throws std::invalid_argument if array shapes disagree or an index is out of range
+void piece_sizes(Matrix<const double> vertices, Matrix<const std::int32_t> faces, Matrix<const std::int32_t> piece,
+                 Matrix<const std::int32_t> flipped, Matrix<double> out);
+
 }  // namespace dfd

@@ -20,12 +20,12 @@ dfd::Affine turn(double angle, double x, double y, double factor = 1)
     return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, factor, 0};
 }
 
-// Returns the decomposition of a transform that `turn` made.
-dfd::Polar polar_of(const dfd::Affine& turned)
+// Returns the decomposition of a transform that `turn` made with the same arguments.
+dfd::Polar polar_of(double angle, double x, double y, double factor = 1)
 {
-    const double factor = std::hypot(turned[0], turned[4]), half = std::atan2(turned[4], turned[0]) / 2;
-    const double more = factor - 1;
-    return {{std::cos(half), 0, 0, std::sin(half)}, {more, more, more, 0, 0, 0}};
+    const double c = std::cos(angle / 2), s = std::sin(angle / 2), more = factor - 1;
+    return {{std::cos(angle / 4), 0, 0, std::sin(angle / 4)}, {x - c * x + s * y, y - s * x - c * y, 0},
+            {more, more, more, 0, 0, 0}, {-more * x, -more * y, 0}, {}};
 }
 
 template <class T>
@@ -120,15 +120,15 @@ END
 CASE("identity transforms change no bit of a vertex, for any sum of weights")
     const std::array<bool, 4> sides{true, false, true, false};
     const std::vector<dfd::Affine> transforms(4, identity);
-    const std::vector<std::array<double, 3>> places(4, {0.1, 0.2, 0.3});
-    const std::vector<dfd::Polar> polar(5, {{1, 0, 0, 0}, {}});
+    const std::vector<dfd::Polar> polar(9, {{1, 0, 0, 0}, {}, {}, {}, {}});
     for (const std::string& name : dfd::instruction_sets()) {
         for (const dfd::Blend blend : blends) {
             for (const dfd::Overlap overlap : {dfd::Overlap::add, dfd::Overlap::normalize}) {
                 Scene<float> scene(333, 4);
-                dfd::Motion motion{transforms, identity, {}, overlap, blend, places, polar, {}};
+                dfd::Motion motion{transforms, identity, {}, overlap, blend, {polar.data(), 5}, {}};
                 scene.pose(motion, dfd::kernels(name));
                 CHECK(scene.posed == scene.vertices);
+                motion.polar = polar;
                 motion.mirror = dfd::Mirror{{0.6, 0, 0.8}, 0.123, 0.4, sides};
                 scene.pose(motion, dfd::kernels(name));
                 CHECK(scene.posed == scene.vertices);
@@ -137,22 +137,39 @@ CASE("identity transforms change no bit of a vertex, for any sum of weights")
     }
 END
 
+CASE("a full weight gives the whole transform, however far a dual quaternion rotates")
+    for (const double angle : {0.0, 0.3, 2.0, 3.2, 5.0, 6.5}) {
+        Scene<double> scene(64, 1);
+        scene.weights.assign(64, 1.0f);
+        scene.transforms = {turn(angle, 0.3, -0.2, 1.5)};
+        dfd::Polar polar = polar_of(angle, 0.3, -0.2, 1.5);
+        polar.translation = {0.1, 0.2, 0.3};
+        for (std::size_t axis = 0; axis < 3; ++axis) scene.transforms[0][4 * axis + 3] += polar.translation[axis];
+        const std::vector<dfd::Polar> rows{polar, {{1, 0, 0, 0}, {}, {}, {}, {}}};
+        scene.pose({scene.transforms, identity, {}, dfd::Overlap::add, dfd::Blend::dual_quaternion, rows, {}});
+        const std::vector<double> rotated = scene.posed;
+        scene.pose({scene.transforms, identity, {}, dfd::Overlap::add, dfd::Blend::linear, {}, {}});
+        std::size_t wrong = 0;
+        for (std::size_t k = 0; k < rotated.size(); ++k) wrong += std::abs(rotated[k] - scene.posed[k]) > 1e-12;
+        CHECK(wrong == 0);
+    }
+END
+
 CASE("all instruction sets and numbers of threads give the same vertices")
     std::vector<dfd::Affine> transforms;
-    std::vector<std::array<double, 3>> places;
     std::vector<dfd::Polar> polar;
-    for (std::size_t k = 0; k < 5; ++k) {
-        transforms.push_back(turn(0.5 * double(k), 0.1 * double(k), 0.2, 1 + 0.1 * double(k)));
-        places.push_back({0.1 * double(k), 0.2, 0.5});
-        polar.push_back(polar_of(transforms.back()));
+    for (std::size_t k = 0; k < 10; ++k) {
+        const double angle = 0.5 * double(k), factor = 1 + 0.1 * double(k);
+        if (k < 5) transforms.push_back(turn(angle, 0.1 * double(k), 0.2, factor));
+        polar.push_back(polar_of(angle, 0.1 * double(k), 0.2, factor));
     }
-    polar.push_back(polar_of(turn(0.2, 0, 0)));
+    polar.push_back(polar_of(0.2, 0, 0));
     const std::array<bool, 5> sides{true, false, true, false, true};
     const std::vector<double> mixing{2, -1, 0, 0, 0, -1, 2, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
     for (const dfd::Blend blend : blends) {
         for (const dfd::Overlap overlap : overlaps) {
             const dfd::Mirror mirror{{1, 0, 0}, 0.1, 0.3, sides};
-            dfd::Motion motion{transforms, turn(0.2, 0, 0), mirror, overlap, blend, places, polar, {}};
+            dfd::Motion motion{transforms, turn(0.2, 0, 0), mirror, overlap, blend, polar, {}};
             if (overlap == dfd::Overlap::add) motion.mixing = mixing;
             Scene<float> scene(3000, 5);
             scene.pose(motion, dfd::kernels("baseline"), 1);

@@ -112,6 +112,8 @@ def pose(
     normals: ArrayLike | None = None,
     overlap: str = "paper",
     blend: str = "linear",
+    pivots: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
 ) -> Any:
     """Return the vertices (V, 3) of `dfd.pose` (Eq. 1 and 8, all overlaps and blends), and normals if given."""
     v, w, d = (np.asarray(value, np.float64) for value in (vertices, weights, transforms))
@@ -122,16 +124,23 @@ def pose(
     among = w[stands] if handle_weights is None and stands.ndim == 1 else handle_weights
     places = v[stands] if stands.ndim == 1 else stands.astype(np.float64)
     d = np.array([_square(matrix) for matrix in d]).reshape(count, 4, 4)
-    rest = _parts(np.eye(4) if default is None else _square(np.asarray(default, np.float64)), v[0], None)
-
-    own = [_parts(matrix, place, rest.rotation) for matrix, place in zip(d, places, strict=True)]
+    centers = np.vstack([places, v[:1]]) if pivots is None else np.asarray(pivots, np.float64)
+    turns = [None] * (count + 1) if rotations is None else np.radians(np.asarray(rotations, np.float64))
+    screw = pivots is None
+    still = np.eye(4) if default is None else _square(np.asarray(default, np.float64))
+    rest = _parts(still, centers[-1], None, turns[-1], screw)
+    own = [_parts(*each, screw) for each in zip(d, centers, [rest.rotation] * count, turns, strict=False)]
     if symmetry is None:
         above = below = own
         share = np.ones(len(v))
     else:
         mirror = _reflection(symmetry)
-        images = places @ mirror[:3, :3].T + mirror[:3, 3]
-        other = [_parts(mirror @ m @ mirror, at, rest.rotation) for m, at in zip(d, images, strict=True)]
+        images = centers @ mirror[:3, :3].T + mirror[:3, 3]
+        mirrored = [None if turn is None else -mirror[:3, :3] @ turn for turn in turns]
+        other = [
+            _parts(mirror @ m @ mirror, at, rest.rotation, turn, screw)
+            for m, at, turn in zip(d, images, mirrored, strict=False)
+        ]
         positive = places @ np.asarray(symmetry.normal) >= symmetry.offset
         above = [a if side else b for a, b, side in zip(own, other, positive, strict=True)]
         below = [b if side else a for a, b, side in zip(own, other, positive, strict=True)]
@@ -160,9 +169,10 @@ class _Parts(NamedTuple):
     """The parts of a transform about a place, each minus the same part of the identity."""
 
     matrix: Array  # (4, 4)
-    rotation: Array  # (4,) quaternion w, x, y, z
-    dual: Array  # (4,) dual part of the rigid motion that follows a stretch about the place
+    rotation: Array  # (4,) quaternion w, x, y, z of half of the rotation
+    dual: Array  # (4,) dual part of half of the rigid motion that follows a stretch about the place
     stretch: Array  # (4, 4) the stretch about the place
+    translation: Array  # (3,) added at the end
 
 
 def _sum(parts: list[_Parts], weights: Any) -> _Parts:
@@ -172,18 +182,38 @@ def _sum(parts: list[_Parts], weights: Any) -> _Parts:
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def _parts(matrix: Array, place: Array, towards: Array | None) -> _Parts:
-    """Return the parts of an affine (4, 4); the sign of its quaternion is that nearest to `towards`, or to 1."""
+def _parts(matrix: Array, place: Array, towards: Array | None, turn: Array | None, screw: bool) -> _Parts:
+    """Return the parts of an affine (4, 4) whose rotation vector is `turn`, or goes the way nearest to `towards`.
+
+    If not `screw`, the displacement of `place` is added as a translation.
+    """
     linear = matrix[:3, :3]
-    rotation, stretch = _polar(linear)
-    q = _quaternion(rotation)
-    goal = IDENTITY_QUATERNION if towards is None else towards + IDENTITY_QUATERNION
-    q = q if q @ goal >= 0 else -q
-    translation = matrix[:3, :3] @ place + matrix[:3, 3] - rotation @ place
+    if turn is None:
+        rotation, stretch = _polar(linear)
+        q = _quaternion(rotation)
+        ways = [way / np.linalg.norm(way) for way in (q + IDENTITY_QUATERNION, IDENTITY_QUATERNION - q) if way.any()]
+        goal = IDENTITY_QUATERNION if towards is None else towards + IDENTITY_QUATERNION
+        half = max(ways, key=lambda way: float(way @ goal))
+    else:
+        angle = float(np.linalg.norm(turn))
+        axis = turn / angle if angle else turn
+        half = np.array([np.cos(angle / 4), *(np.sin(angle / 4) * axis)])
+        rotation = _matrix(_product(half, half))
+        stretch = rotation.T @ linear
+    moved = linear @ place + matrix[:3, 3]
+    if screw:
+        shift, translation = np.linalg.solve(np.eye(3) + _matrix(half), moved - rotation @ place), np.zeros(3)
+    else:
+        shift, translation = place - _matrix(half) @ place, moved - place
     about = np.eye(4)
     about[:3, :3], about[:3, 3] = stretch, place - stretch @ place
-    dual = 0.5 * _product(np.array([0.0, *translation]), q)
-    return _Parts(matrix - np.eye(4), q - IDENTITY_QUATERNION, dual, about - np.eye(4))
+    dual = 0.5 * _product(np.array([0.0, *shift]), half)
+    return _Parts(matrix - np.eye(4), half - IDENTITY_QUATERNION, dual, about - np.eye(4), translation)
+
+
+def _matrix(q: Array) -> Array:
+    """Return the rotation matrix (3, 3) of a unit quaternion."""
+    return np.array([_product(_product(q, np.array([0.0, *axis])), _conjugate(q))[1:] for axis in np.eye(3)]).T
 
 
 def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Array, Array]:
@@ -195,10 +225,11 @@ def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Arra
     q = sums.rotation + IDENTITY_QUATERNION
     length = np.linalg.norm(q)
     q = q / length
-    rotation = np.array([_product(_product(q, np.array([0.0, *axis])), _conjugate(q))[1:] for axis in np.eye(3)]).T
-    linear: Array = rotation @ stretch[:3, :3]
-    translation = 2.0 * _product(sums.dual / length, _conjugate(q))[1:]
-    return rotation @ (stretch[:3, :3] @ vertex + stretch[:3, 3]) + translation, linear
+    half = _matrix(q)
+    linear: Array = half @ half @ stretch[:3, :3]
+    shift = 2.0 * _product(sums.dual / length, _conjugate(q))[1:]
+    once = half @ (stretch[:3, :3] @ vertex + stretch[:3, 3]) + shift
+    return half @ once + shift + sums.translation, linear
 
 
 def _turn_normal(linear: Array, normal: Array) -> Array:

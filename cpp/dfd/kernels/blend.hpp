@@ -143,8 +143,8 @@ struct LinearBlend {
     }
 };
 
-// The blended stretch, followed by the rigid motion of the blended dual quaternion. (Kavan, Collins, Žára, O'Sullivan,
-// Geometric Skinning with Approximate Dual Quaternion Blending, 2008)
+// The blended stretch, followed by twice the rigid motion of the blended dual quaternion (Kavan, Collins, Žára,
+// O'Sullivan, Geometric Skinning with Approximate Dual Quaternion Blending, 2008), and by the blended translation.
 template <class T, bool Stretched>
 struct DualQuaternionBlend {
     static constexpr std::size_t count = entries_of(Blend::dual_quaternion, Stretched);
@@ -152,9 +152,10 @@ struct DualQuaternionBlend {
     static DFD_INLINE Vector3<T> displacement(const Vector<T>* entry, const Vector3<T>& p)
     {
         const RotationSum<T> rotation(entry);
-        Vector3<T> stretch{}, from = p;
+        Vector3<T> moved{entry[8], entry[9], entry[10]}, from = p;
         if constexpr (Stretched) {
-            stretch = sum<T>(StretchSum<T>{entry + 8}.displacement(p), {entry[14], entry[15], entry[16]});
+            const Vector3<T> stretch = sum<T>(StretchSum<T>{entry + 11}.displacement(p), {entry[17], entry[18], entry[19]});
+            moved = sum<T>(moved, stretch);
             from = sum<T>(p, stretch);
         }
         const Vector<T> dual_w = entry[4] * rotation.scale;
@@ -166,14 +167,18 @@ struct DualQuaternionBlend {
         const Vector3<T> translation{translated(dual.x, rotation.v.x, across.x),
                                      translated(dual.y, rotation.v.y, across.y),
                                      translated(dual.z, rotation.v.z, across.z)};
-        return sum<T>(stretch, sum<T>(rotation.displacement(from), translation));
+        const Vector3<T> half = sum<T>(rotation.displacement(from), translation);
+        const Vector3<T> other = sum<T>(rotation.displacement(sum<T>(from, half)), translation);
+        return sum<T>(moved, sum<T>(half, other));
     }
 
     static DFD_INLINE Vector3<T> transformed_normal(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
     {
         Vector3<T> n = normal;
-        if constexpr (Stretched) n = StretchSum<T>{entry + 8}.transformed_normal(normal);
-        return unit_normal<T>(sum<T>(n, RotationSum<T>(entry).displacement(n)), normal);
+        if constexpr (Stretched) n = StretchSum<T>{entry + 11}.transformed_normal(normal);
+        const RotationSum<T> rotation(entry);
+        n = sum<T>(n, rotation.displacement(n));
+        return unit_normal<T>(sum<T>(n, rotation.displacement(n)), normal);
     }
 };
 

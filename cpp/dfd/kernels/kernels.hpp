@@ -97,11 +97,11 @@ constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_cou
 }
 
 /// Returns the number of blended entries for each transform D_k. They are differences from the identity. A linear blend
-/// has the matrix D_k - I (3, 4). Dual quaternions have (w - 1, x, y, z) and the dual part. If `stretched`, the six
-/// entries (xx, yy, zz, yz, zx, xy) of the stretch minus the identity follow, and then the translation of the stretch.
+/// has the matrix D_k - I (3, 4). Dual quaternions have (w - 1, x, y, z), the dual part and a translation. If `stretched`,
+/// the entries (xx, yy, zz, yz, zx, xy) of the stretch minus the identity follow, and then the stretch's translation.
 constexpr std::size_t entries_of(Blend blend, bool stretched)
 {
-    return blend == Blend::linear ? 12 : stretched ? 17 : 8;
+    return blend == Blend::linear ? 12 : stretched ? 20 : 11;
 }
 
 template <class T>

@@ -10,6 +10,7 @@ from dfd.editing.edit import Edit, box_center
 from dfd.editing.weights.fill import Column
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, pose
+from dfd.posing.transforms import Transform
 
 
 def blend_of(mesh: Mesh, edit: Edit, weights: Float32, columns: Sequence[Column], rest: Float64) -> dict[str, Any]:
@@ -21,6 +22,7 @@ def blend_of(mesh: Mesh, edit: Edit, weights: Float32, columns: Sequence[Column]
         "handles": np.reshape([column.counterpart.position for column in columns], (-1, 3)),
         "overlap": edit.rules.overlap,
         "blend": edit.blending,
+        **turns_of(mesh, edit, columns),
     }
     if blends_nested(edit, columns):
         nested = [number for number, column in enumerate(columns) if column.carriers]
@@ -28,6 +30,15 @@ def blend_of(mesh: Mesh, edit: Edit, weights: Float32, columns: Sequence[Column]
             at = columns[number].counterpart.vertex
             found["transforms"][number, :, 3] += _missing(rest[at], weights[at], number, found)
     return found
+
+
+def turns_of(mesh: Mesh, edit: Edit, columns: Sequence[Column]) -> dict[str, Float64]:
+    """Return the arguments `pivots` and `rotations` of `pose` for `edit`."""
+    center, default = box_center(mesh), edit.default or Transform()
+    turns = [column.turn(edit) for column in columns]
+    turns.append((np.asarray(center if default.pivot is None else default.pivot), np.asarray(default.rotation)))
+    pivots, rotations = zip(*turns, strict=True)
+    return {"pivots": np.array(pivots), "rotations": np.array(rotations)}
 
 
 def blends_nested(edit: Edit, columns: Sequence[Column]) -> bool:
@@ -40,28 +51,26 @@ def carried(place: Float64, row: Float32, number: int, blend: dict[str, Any]) ->
 
     `blend` is the result of `blend_of`.
     """
-    transforms = blend["transforms"].copy()
-    transforms[number] = IDENTITY
-    return _posed(place, row, blend, transforms)
+    resting = {**blend, "transforms": blend["transforms"].copy()}
+    resting["transforms"][number] = IDENTITY
+    if "rotations" in blend:
+        resting["rotations"] = blend["rotations"].copy()
+        resting["rotations"][number] = 0.0
+    return _posed(place, row, resting)
 
 
 def _missing(place: Float64, row: Float32, number: int, blend: dict[str, Any]) -> Float64:
     """Return the translation (3,) that is added to column `number`, so that `place` (3,) reaches its target.
 
-    Dual quaternions rotate the translation of one column by half of the rotation of another column. The position of
-    `place` is an affine function of the translation, so four poses of this place determine it.
+    The rotations of other columns turn `place` about the pivot of this one. Translations are blended linearly.
     """
-    size = float(np.abs(blend["transforms"][number, :, 3]).max()) or 1.0
-    trials = np.repeat(blend["transforms"][None], 4, axis=0)
-    trials[1:, number, :, 3] += size * np.eye(3)
-    start, *ends = (_posed(place, row, blend, trial) for trial in trials)
-    slope = np.subtract(ends, start).T / size
     own = blend["transforms"][number]
     target = carried(place, row, number, blend) + row[number] * (own[:, :3] @ place + own[:, 3] - place)
-    return np.asarray(np.linalg.lstsq(slope, target - start, rcond=1e-6)[0])
+    reached = _posed(place, row, blend)
+    return np.asarray((target - reached) / row[number]) if row[number] else np.zeros(3)
 
 
-def _posed(place: Float64, row: Float32, blend: dict[str, Any], transforms: Float64) -> Float64:
+def _posed(place: Float64, row: Float32, blend: dict[str, Any]) -> Float64:
     """Return the posed position (3,) of `place` (3,), whose weights are `row` (C,)."""
-    found: Float64 = pose(place[None], row[None], **{**blend, "transforms": transforms})[0]
+    found: Float64 = pose(place[None], row[None], **blend)[0]
     return found

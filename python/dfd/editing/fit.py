@@ -105,6 +105,7 @@ class _Problem:
         self.rest = weights.bent(edit)
         self.values, self.columns = weights.columns(edit)
         self.how = blend_of(weights.mesh, edit, self.values, self.columns, self.rest)
+        del self.how["rotations"]  # each fitted motion has the smallest rotation
         if edit.rules.blend == "auto":
             self.how["blend"] = "dual_quaternion"  # a fitted motion rotates
         self.nested = blends_nested(edit, self.columns)

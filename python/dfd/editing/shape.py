@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
-from dfd.editing.blend import blend_of, blends_nested
+from dfd.editing.blend import blend_of, blends_nested, turns_of
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.weights.fill import Band, Column, bands_of, fill
 from dfd.editing.weights.session_weights import SessionWeights
@@ -64,7 +64,7 @@ class PosedShape:
             drag = Drag(rest, weights, moving=moving, **blend_of(self._mesh, edit, weights, columns, rest))
             rows = [drag.weights[:, row] for row in (range(len(moving)) if edit.blending == "linear" else moving)]
             bands = None if self._skin is not None else [self._weights.bands(edit)[i] for i in moving]
-            self._drag = _MovingColumns(self._mesh, drag, [columns[i] for i in moving], rows, bands)
+            self._drag = _MovingColumns(self._mesh, drag, columns, moving, rows, bands)
         return self._drag.pose(edit)
 
     def _columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
@@ -74,7 +74,7 @@ class PosedShape:
         if _pose_key(edit) == _pose_key(Edit()):
             return self._mesh.vertices  # nothing moves, so the weights are not needed
         bent = self._weights.bent(edit)
-        if edit.default is None and all(np.array_equal(handle.matrix, IDENTITY) for handle in edit.handles):
+        if edit.default is None and not any(_moves(handle) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
         weights, columns = self._columns(edit)
         return pose(bent, weights, **blend_of(self._mesh, edit, weights, columns, bent))
@@ -88,13 +88,17 @@ class _MovingColumns:
         mesh: Mesh,
         drag: Drag,
         columns: Sequence[Column],
+        moving: Sequence[int],
         weights: Sequence[Float32],
         bands: list[tuple[Band, ...]] | None,
     ) -> None:
-        """Store the arguments. `weights` are columns (V,) of `drag.weights`; with `bands` None, they do not change."""
-        self._mesh, self._drag, self._columns = mesh, drag, columns
+        """Store the arguments. `moving` are the indices of the `columns` that move.
+
+        `weights` are their columns (V,) of `drag.weights`; with `bands` None, they do not change.
+        """
+        self._mesh, self._drag, self._all, self._columns = mesh, drag, columns, [columns[i] for i in moving]
         self._weights, self._bands = weights, bands
-        self.handles = {column.handle for column in columns}
+        self.handles = {column.handle for column in self._columns}
 
     def pose(self, edit: Edit) -> Float64:
         """Return the vertices (V, 3) of `edit`."""
@@ -104,7 +108,13 @@ class _MovingColumns:
                 if bands != self._bands[i]:
                     fill(column, bands, self._weights[i], bands_only=True)
                     self._bands[i] = bands
-        return self._drag.pose([column.matrix(edit) for column in self._columns])
+        turns = {} if edit.blending == "linear" else turns_of(self._mesh, edit, self._all)
+        return self._drag.pose([column.matrix(edit) for column in self._columns], **turns)
+
+
+def _moves(handle: Handle) -> bool:
+    """Return whether a handle moves vertices beside bend and twist. A whole turn twists the band around its part."""
+    return any(handle.transform.rotation) or not np.array_equal(handle.matrix, IDENTITY)
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

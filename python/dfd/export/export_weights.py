@@ -34,9 +34,10 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     path
         An .npz or .safetensors file. `vertices` (V, 3) float64 is the resting shape with bends and twists. `weights`
         (V, C) float32 has a column for each counterpart of each handle. `transforms` (C, 3, 4) float64 in mesh units,
-        `handles` (C, 3), the positions, and `handle_ids` (C,) belong to these columns. `faces` is (F, 3), and `default`
-        (3, 4) is D₀. The texts are `format`, `version`, `names` (JSON, for each column), `edit` (JSON of an edit file),
-        `field` (JSON of settings) and `mesh` (the mesh's `content_hash`). In safetensors, they are metadata.
+        `handles` (C, 3), the positions, and `handle_ids` (C,) belong to these columns. `pivots` and `rotations`
+        (C + 1, 3) are those of `dfd.pose`. `faces` is (F, 3), and `default` (3, 4) is D₀. The texts are `format`,
+        `version`, `names` (JSON, for each column), `edit` (JSON of an edit file), `field` (JSON of settings) and `mesh`
+        (the mesh's `content_hash`). In safetensors, they are metadata.
     """
     ending = check.ending("export_weights", "path", path, ENDINGS)
     target, edit, mesh = Path(path), session.edit, session.mesh
@@ -52,6 +53,8 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         "weights": np.ascontiguousarray(weights, np.float32),
         "transforms": blend["transforms"],
         "handles": blend["handles"],
+        "pivots": blend["pivots"],
+        "rotations": blend["rotations"],
         "handle_ids": np.array([handle.id for handle in held], np.int64),
         "default": np.eye(3, 4) if blend["default"] is None else np.ascontiguousarray(blend["default"]),
     }

@@ -59,6 +59,8 @@ class Nodes:
         The vertices of node n are `members[starts[n] : ends[n]]`.
     component
         (N,) index of the connected component of `surface` that contains each node.
+    seams
+        (L, 2) vertices at equal positions, or on both sides of an open seam (`seam_links`).
     used
         (N,) whether the node's component has a face. No other node belongs to a part of the shape.
     """
@@ -67,14 +69,15 @@ class Nodes:
         vertices = mesh.vertices
         count = len(vertices)
         self.are_vertices = count <= MOST_NODES
-        links, seams = None if self.are_vertices else surface_links(mesh), seam_links(mesh)
+        links = None if self.are_vertices else surface_links(mesh)
+        self.seams = seams = seam_links(mesh)
         self.of_vertex = np.arange(count, dtype=np.int32)
         if links is not None:
             self.of_vertex = _clustered(mesh, seams)
             if self.of_vertex.max() >= MOST_NODES:  # thousands of leaves, for example
                 self.of_vertex = _clustered(mesh, links)
         size = np.bincount(self.of_vertex)
-        self.center = group_sums(self.of_vertex, vertices, len(size)) / size[:, None]
+        self.center = self.centers(vertices)
         self.surface = _contracted(mesh, seams, self.of_vertex, self.center)
         self.graph = (
             surface_graph(mesh) if links is None else _with_edges(self.surface, self.of_vertex[links], self.center)
@@ -87,6 +90,11 @@ class Nodes:
         self.component = component[self.members[self.starts]]
         self.used = np.isin(self.component, component[mesh.faces.ravel()]) | (len(mesh.faces) == 0)
         self._vertices, self._faces = vertices, mesh.faces
+
+    def centers(self, positions: Float64) -> Float64:
+        """Return the mean (N, 3) of the `positions` (V, 3) of each node's vertices."""
+        size = np.bincount(self.of_vertex)
+        return group_sums(self.of_vertex, positions, len(size)) / size[:, None]
 
     def shares(self, parts: Float64) -> list[Share]:
         """Interpolate the rows of `parts` (K, N) to the vertices. Return each row, divided by the sum of all rows."""

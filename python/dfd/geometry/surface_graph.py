@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 import dfd._core as _core
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
 from dfd.common.weld import weld
-from dfd.geometry.topology import face_sides, face_sizes, first_at_place, points_on_faces
+from dfd.geometry.topology import dirty_vertices, face_sides, face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 
 # Two lengths, as fractions of the bounding box's diagonal. Points count as equal up to the distance SAME_PLACE. Bridges
@@ -72,14 +72,13 @@ def seam_links(mesh: Mesh) -> Int32:
     moved = np.flatnonzero(first != np.arange(len(first)))
     links = np.column_stack([moved, first[moved]]).astype(np.int32)
     faces = first[mesh.faces]
-    # Around an inner vertex, the sides opposite to it form closed loops, so these differences have the sum 0.
-    turn = np.zeros(len(first))
-    for one, other, last in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        turn += np.bincount(faces[:, one], faces[:, other] - faces[:, last].astype(np.float64), len(first))
-    border = np.flatnonzero(turn)
+    sides = face_sides(faces[(dirty := dirty_vertices(faces, len(first)))[faces].any(axis=1)])
+    # A border has one face. An edge of faces with different sides has two.
+    some = sides[dirty[sides].all(axis=1) & (sides[:, 0] != sides[:, 1])]
+    pairs, which = distinct_pairs(some, len(first))
+    border = np.unique(pairs[np.bincount(which, minlength=len(pairs)) == 1])
     if len(border) < 2:
         return links
-    sides = face_sides(faces[(turn[faces] != 0).any(axis=1)])
     length = np.linalg.norm(mesh.vertices[sides[:, 0]] - mesh.vertices[sides[:, 1]], axis=1)
     shortest = np.full(len(first), np.inf)
     positive = length > 0

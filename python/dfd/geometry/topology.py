@@ -90,6 +90,19 @@ def distinct_faces(mesh: Mesh) -> Int32:
     return mesh.faces if first.all() else mesh.faces[first]
 
 
+def dirty_vertices(faces: Int32, count: int) -> Bool:
+    """Return which of `count` vertices lie on a border of the surface, or on an edge of faces with different sides.
+
+    Around all other vertices, the sides of the faces opposite to the vertex form closed loops. So in each loop, the
+    differences between codes of the vertices have the sum 0. The codes are random, so other sums of 0 are unlikely.
+    """
+    code = np.random.default_rng(0).integers(1 << 40, size=count).astype(np.float64)
+    turn = np.zeros(count)
+    for one, other, last in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turn += np.bincount(faces[:, one], code[faces[:, other]] - code[faces[:, last]], count)
+    return turn != 0
+
+
 def are_distinct(faces: NDArray[np.integer]) -> Bool:
     """Return whether each of `faces` (F, 3) is the first with its corners, in any order, (F,)."""
     one, other, last = faces.T.astype(np.uint64, copy=False)

@@ -102,7 +102,7 @@ class _PoseGradients(torch.autograd.Function):
         default: Any,
     ) -> tuple[torch.Tensor, ...]:
         inputs = [None if value is None else value.detach() for value in (vertices, weights, transforms, default)]
-        points, matrix, affine, rule = call.prepare(*inputs, **call.how)
+        points, matrix, affine, _, rule = call.prepare(*inputs, **call.how)
         steps = np.ascontiguousarray(gradient.detach().numpy(), points.dtype).reshape(len(affine), *points.shape)
         plane = rule.rest, rule.plane, rule.positive, rule.overlap
         sums: list[Any] = [None] * len(INPUTS)

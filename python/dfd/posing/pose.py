@@ -22,7 +22,7 @@ from dfd.posing.arguments import (
     target,
 )
 from dfd.posing.overlap import interpolating
-from dfd.posing.polar import polar_decomposition
+from dfd.posing.polar import Motions, turns_of
 
 if TYPE_CHECKING:
     import torch
@@ -49,6 +49,8 @@ class PoseOptions(TypedDict, total=False):
     handle_weights: Any
     overlap: Overlap
     blend: Blend
+    pivots: Any
+    rotations: Any
 
 
 @overload
@@ -99,6 +101,8 @@ def pose(
     normals: Any = None,
     overlap: Overlap = "paper",
     blend: Blend = "linear",
+    pivots: Any = None,
+    rotations: Any = None,
     out: Any = None,
 ) -> Any:
     """Return the vertices, moved by the transforms of the handles that they follow.
@@ -116,8 +120,8 @@ def pose(
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add":
     V' = V + max(1 − Σ W_k, 0) (D₀ V − V) + Σ W_k (D_k V − V). Both are equal if the sum of the weights is at most 1.
     With "add", vertices keep their exact bits if all transforms are the identity. With dual quaternions, the sums add
-    quaternions and stretches, each minus the identity, and "paper" equals "normalize". Each quaternion has the sign
-    that gives the shorter rotation from D₀. The stretch of D₀ is about the first vertex.
+    quaternions and stretches, each minus the identity, and "paper" equals "normalize". Without `pivots`, the stretch of
+    D₀ is about the first vertex.
 
     Equation 8: on the other side of the plane, the transform of handle k is R D_k R, where R is the reflection. In the
     band, a smoothstep blends both sides.
@@ -152,9 +156,17 @@ def pose(
     blend
         The quantity that is blended. "linear": the matrices, Eq. 1. "dual_quaternion": each transform is divided into a
         stretch about the handle's position and a rigid motion. Stretches are blended linearly, and rigid motions as
-        dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual Quaternion Blending, 2008). This
-        keeps the thickness of twisted parts. If a transform mirrors, its stretch contains the reflection that leaves
-        the smallest rotation. The rotation never mirrors, even if the transform is singular.
+        dual quaternions of half the rotation, applied twice (Kavan et al., Geometric Skinning with Approximate Dual
+        Quaternion Blending, 2008). This keeps the thickness of twisted parts. If a transform mirrors, its stretch
+        contains the reflection that leaves the smallest rotation. The rotation never mirrors, even if the transform is
+        singular.
+    pivots
+        (H + 1, 3) centers of the stretches and rotations of all handles and, last, of D₀, in mesh units, for dual
+        quaternions. The displacements of the centers are blended linearly. By default, a rigid motion is a screw.
+    rotations
+        (H + 1, 3) rotation vectors in degrees of the rotations in `transforms` and D₀, which need `pivots`. They say
+        which way a rotation goes, and how often: the result is a continuous function of rotations up to 720°. By
+        default, all rotations go the shorter way from D₀.
     out
         (V, 3) array for the result, or (B, V, 3) for a batch, with the type of `vertices`; None makes a new array.
 
@@ -177,6 +189,7 @@ def pose(
     """
     options: dict[str, Any] = {"symmetry": symmetry, "handles": handles, "overlap": overlap, "blend": blend}
     options |= {"handle_weights": handle_weights, "default": default, "normals": normals, "out": out}
+    options |= {"pivots": pivots, "rotations": rotations}
     if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
         from dfd.posing.gradients import posed_with_gradients
 
@@ -190,18 +203,17 @@ def _posed(
     vertices: Any, weights: Any, transforms: Any, default: Any, *, normals: Any = None, out: Any = None, **options: Any
 ) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """Return the posed vertices, and the normals if `normals` are given. The arguments are those of `pose`."""
-    points, matrix, affine, rule = _prepared(vertices, weights, transforms, default, **options)
+    points, matrix, affine, polar, rule = _prepared(vertices, weights, transforms, default, **options)
     batch = len(affine) if np.ndim(transforms) == 4 else None
     directions = turned = None
     if normals is not None:
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
         turned = empty_like(points, batch)
     posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions}, batch)
-    decomposed = _polar(affine, rule)
     for k, each in enumerate(affine):
         into = posed if batch is None else posed[k]
         turned_into = turned if batch is None or turned is None else turned[k]
-        motion = each, None if decomposed is None else decomposed[k], *rule
+        motion = each, None if polar is None else polar[k], *rule
         _core.pose(points, matrix, *motion, None, directions, into, turned_into, threads.get_num_threads())
     return posed, turned
 
@@ -212,6 +224,7 @@ class _Prepared(NamedTuple):
     points: NDArray[Any]  # (V, 3)
     weights: Float32  # (V, H)
     affine: Float64  # (B, H, 3, 4) the transforms of each pose of a batch
+    polar: Float64 | None  # (B, N, 19) the rows of `dfd::Motion::polar` of each pose; None if the blend is linear
     rule: _Rule
 
 
@@ -226,13 +239,15 @@ def _prepared(
     overlap: Overlap,
     handle_weights: Any = None,
     blend: Blend = "linear",
+    pivots: Any = None,
+    rotations: Any = None,
 ) -> _Prepared:
     """Check the arguments of `pose`, and convert them for the kernel."""
     points = read_points("pose", vertices)
     matrix = read_weights("pose", weights, len(points))
     affine = read_batch("pose", "transforms", transforms, matrix.shape[1])
-    rule = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
-    return _Prepared(points, matrix, affine, rule)
+    rule, places = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
+    return _Prepared(points, matrix, affine, _polar("pose", affine, rule, places, pivots, rotations), rule)
 
 
 class Drag:
@@ -255,6 +270,8 @@ class Drag:
         handle_weights: Any = None,
         overlap: Overlap = "paper",
         blend: Blend = "linear",
+        pivots: Any = None,
+        rotations: Any = None,
     ) -> None:
         """Compute the sum of the displacements by the handles that do not move.
 
@@ -266,11 +283,14 @@ class Drag:
         matrix = read_weights("Drag", weights, len(self._points))
         affine = read_affine("Drag", "transforms", transforms, matrix.shape[1])
         self._moving = check.vertex_indices("Drag", "moving", np.atleast_1d(moving), matrix.shape[1], unique=True)
-        rule = _rule("Drag", self._points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
+        rule, self._places = _rule(
+            "Drag", self._points, matrix, default, symmetry, handles, handle_weights, overlap, blend
+        )
         self._like = vertices if tensors.is_tensor(vertices) else None
         self._base: NDArray[Any] | None = None
         if blend != "linear":
             self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
+            _polar("Drag", affine[np.newaxis], rule, self._places, pivots, rotations)
             return
         # If the moving handles have the identity, they add no displacement, so the pose is the sum over all others.
         resting = affine.copy()
@@ -279,7 +299,7 @@ class Drag:
         _core.pose(self._points, matrix, resting, None, *rule, None, None, self._base, None, threads.get_num_threads())
         self._weights = np.asfortranarray(_effective(rule, matrix, self._moving), np.float32)
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
-        self._rule = rule._replace(rest=IDENTITY, positive=positive, places=None, mixing=None, overlap=0)
+        self._rule, self._places = rule._replace(rest=IDENTITY, positive=positive, mixing=None, overlap=0), None
 
     @property
     def weights(self) -> Float32:
@@ -289,10 +309,11 @@ class Drag:
         """
         return self._weights
 
-    def pose(self, transforms: Any, *, out: Any = None) -> Any:
+    def pose(self, transforms: Any, *, pivots: Any = None, rotations: Any = None, out: Any = None) -> Any:
         """Return the vertices (V, 3) for `transforms` (M, 3, 4) or (M, 4, 4) of the handles, in the order of `moving`.
 
-        The result is in the array `out` (V, 3), if it is given.
+        `pivots` and `rotations` (H + 1, 3) are those of all handles and D₀, as in `dfd.pose`. The result is in the
+        array `out` (V, 3), if it is given.
 
         Raises ValueError as `dfd.pose` does.
         """
@@ -303,9 +324,8 @@ class Drag:
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
-        decomposed = _polar(affine[np.newaxis], self._rule)
-        polar = None if decomposed is None else decomposed[0]
-        inputs = self._points, self._weights, affine, polar, *self._rule, self._base
+        polar = _polar("Drag.pose", affine[np.newaxis], self._rule, self._places, pivots, rotations)
+        inputs = self._points, self._weights, affine, None if polar is None else polar[0], *self._rule, self._base
         _core.pose(*inputs, None, posed, None, threads.get_num_threads())
         return tensors.like(self._like, posed) if out is None else out
 
@@ -316,7 +336,6 @@ class _Rule(NamedTuple):
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None  # normal, offset and band of the mirror plane
     positive: Bool | None  # (H,) whether a handle is on the side to which the plane's normal points, or in the plane
-    places: Float64 | None  # (H, 3) positions of the handles
     mixing: Float64 | None  # (H, H) matrix by which the weights are multiplied
     overlap: int  # index in `KERNEL_OVERLAPS`
     blend: int  # index in `Blend`
@@ -332,8 +351,11 @@ def _rule(
     handle_weights: Any,
     overlap: Overlap,
     blend: Blend,
-) -> _Rule:
-    """Check the options of `pose`, and convert them for the kernel."""
+) -> tuple[_Rule, Float64 | None]:
+    """Check the options of `pose`, and convert them for the kernel.
+
+    Also return the centers (H + 1, 3) of stretches for dual quaternions; None for a linear blend.
+    """
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
     if symmetry is not None:
@@ -351,18 +373,44 @@ def _rule(
     if overlap == "interpolate":
         among = handle_weight_matrix(function, handle_weights, weights, indices)
         mixing = np.ascontiguousarray(interpolating(function, among))
+    first = np.asarray(points[:1] if len(points) else np.zeros((1, 3)), np.float64)
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     numbers = KERNEL_OVERLAPS[overlap], get_args(Blend).index(blend)
-    return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, *numbers)
+    rule = _Rule(rest, plane, positive, mixing, *numbers)
+    return rule, None if blend == "linear" or places is None else np.concatenate([places, first])
 
 
-def _polar(transforms: Float64, rule: _Rule) -> Float64 | None:
-    """Return polar decompositions (B, H + 1, 10) of `transforms` (B, H, 3, 4) and D₀; None if the blend is linear."""
-    if rule.places is None:
+def _polar(
+    function: str, transforms: Float64, rule: _Rule, places: Float64 | None, pivots: Any, rotations: Any
+) -> Float64 | None:
+    """Return the rows (B, N, 19) of `dfd::Motion::polar` for `transforms` (B, H, 3, 4); None if the blend is linear.
+
+    `places` (H + 1, 3) are the centers of stretches without `pivots`.
+    """
+    batch, count = len(transforms), transforms.shape[1] + 1
+    given = [
+        None if value is None else check.array(function, name, value, (count, 3), dtype=np.float64)
+        for name, value in (("pivots", pivots), ("rotations", rotations))
+    ]
+    if given[0] is None and given[1] is not None:
+        raise ArgumentError("pivots", "must be given with `rotations`", function)
+    if places is None:
         return None
-    rest = np.broadcast_to(rule.rest, (len(transforms), 1, 3, 4))
-    maps = np.concatenate([transforms, rest], axis=1)[..., :3]
-    return polar_decomposition(maps.reshape(-1, 3, 3)).reshape(*maps.shape[:2], 10)
+    rest = np.broadcast_to(rule.rest, (batch, 1, 3, 4))
+    maps = np.concatenate([transforms, rest], axis=1).reshape(-1, 3, 4)
+    turns = turns_of(maps[..., :3]) if given[1] is None else np.tile(np.radians(given[1]), (batch, 1))
+    centers = np.tile(places if given[0] is None else given[0], (batch, 1))
+    motions = Motions(maps[..., :3] - np.eye(3), maps[..., 3], centers, turns, given[0] is not None)
+    sides = [motions]
+    if rule.plane is not None:
+        normal, offset = np.asarray(rule.plane[0]), rule.plane[1]
+        linear = np.eye(3) - 2 * np.outer(normal, normal)
+        sides.append(motions.mirrored(np.column_stack([linear, 2 * offset * normal])))
+    if given[1] is None:
+        sides = [each.towards(turns[-1]) for each in sides]
+    rows = [each.rows().reshape(batch, count, 19) for each in sides]
+    handles = [each[:, :-1] for each in rows]
+    return np.concatenate([*handles, rows[0][:, -1:]], axis=1)
 
 
 def _effective(rule: _Rule, weights: Float32, moving: Int64) -> NDArray[Any]:

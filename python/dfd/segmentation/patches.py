@@ -16,9 +16,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs, group_sums, unit
+from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
+from dfd.geometry.body import Body, body_of
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
-from dfd.geometry.topology import distinct_faces, first_at_place, scene_parts_and_materials, vertex_areas
+from dfd.geometry.topology import scene_parts_and_materials, vertex_areas
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -121,20 +122,26 @@ class Patches:
     """
 
     def __init__(self, mesh: Mesh, planes: Sequence[SymmetryPlane] = ()) -> None:
-        self.nodes, faces = nodes_of(mesh), distinct_faces(mesh)
-        total, self._middle = _area_and_middle(mesh, faces)
+        self.nodes = nodes_of(mesh)
+        body = body_of(mesh, self.nodes.seams)
+        total, self._middle = _area_and_middle(mesh, body)
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
-        graph, center, normal = self._find_places(mesh, faces)
+        graph, center, normal = self._find_places(mesh, body)
         things = _things_of_places(mesh, self.nodes, self.place, self.node_of_place)
         self._find_patches(graph, center, normal, planes, things)
 
-    def _find_places(self, mesh: Mesh, faces: Int32) -> tuple[csr_array, Float64, Float64]:
+    def _find_places(self, mesh: Mesh, body: Body) -> tuple[csr_array, Float64, Float64]:
         """Set the attributes of places. Return their distances (M, M), centers (M, 3) and mean normals (M, 3)."""
         nodes, size = self.nodes, self.size
-        self.place, self.node_of_place = _places(mesh, nodes, (nodes.center - self._middle) / size)
+        center = nodes.center if body.vertices is mesh.vertices else nodes.centers(body.vertices)
+        center = (center - self._middle) / size
+        self._inside = np.zeros(len(center), bool)
+        self._inside[nodes.of_vertex[body.faces]] = True
+        self.place, self.node_of_place = _places(nodes, body, self._inside, center)
+        center = center[self.node_of_place]
         self._vertex = _central_vertices(mesh, nodes, size)[self.node_of_place]
-        center = (nodes.center[self.node_of_place] - self._middle) / size
-        area, normal, pairs, length = _surface(mesh, faces, self.place[nodes.of_vertex], len(center), size)
+        of_vertex = self.place[nodes.of_vertex[body.stands_for]]
+        area, normal, pairs, length = _surface(mesh, body, of_vertex, len(center), size)
         graph = self._graph_of_places(center)
         links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
@@ -184,8 +191,8 @@ class Patches:
     def _graph_of_places(self, center: Float64) -> csr_array:
         """Return the distances (M, M) between neighboring places."""
         graph, count = self.nodes.graph, len(center)
-        row = np.repeat(self.place, np.diff(graph.indptr))
-        ends = np.stack([row, self.place[graph.indices]], axis=1)
+        place = np.where(self._inside, self.place, -1)
+        ends = np.stack([np.repeat(place, np.diff(graph.indptr)), place[graph.indices]], axis=1)
         ends = distinct_pairs(ends[(ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])], count)[0]
         length = _rounded(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1)) + 1 / GRID
         both = np.concatenate([ends, ends[:, ::-1]]).T
@@ -200,9 +207,14 @@ def _rounded(values: Float64) -> Float64:
     return np.round(values * GRID) / GRID
 
 
-def _places(mesh: Mesh, nodes: Nodes, center: Float64) -> tuple[Int64, Int64]:
-    """Return the place (N,) of each mesh node, and the first node (M,) of each place, in the order of places."""
-    first = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
+def _places(nodes: Nodes, body: Body, inside: Bool, center: Float64) -> tuple[Int64, Int64]:
+    """Return the place (N,) of each mesh node, and the first node (M,) of each place, in the order of places.
+
+    `inside` (N,) are the nodes of the body, and `center` (N, 3) the centers of all nodes.
+    """
+    first = nodes.of_vertex[body.stands_for[nodes.members[nodes.starts]]]
+    if not nodes.are_vertices:  # both sides of a cut are nodes of their own
+        first[inside] = np.flatnonzero(inside)
     own = np.flatnonzero(nodes.used & (first == np.arange(len(first))))
     apart = np.linalg.norm(center[own], axis=1)
     own = own[np.lexsort(_rounded(np.column_stack([center[own], apart])).T)]
@@ -282,31 +294,31 @@ def _orbits_of_patches(
     return np.unique(found, return_inverse=True)[1]
 
 
-def _area_and_middle(mesh: Mesh, faces: Int32) -> tuple[float, Float64]:
-    """Return the area of `faces` (F, 3), in squared mesh units, and the centroid (3,) of their surface.
+def _area_and_middle(mesh: Mesh, body: Body) -> tuple[float, Float64]:
+    """Return the area of a body, in squared mesh units, and the centroid (3,) of its surface.
 
     Raises ValueError if no face has an area.
     """
     near = mesh.bounds.mean(axis=0)
-    areas = vertex_areas(mesh.vertices, faces)
+    areas = vertex_areas(body.vertices, body.faces)
     total = float(areas.sum())
     if not total > 0:
         raise ValueError("parts: `mesh` must have a face with an area, got none")
-    return total, near + areas @ (mesh.vertices - near) / total
+    return total, near + areas @ (body.vertices - near) / total
 
 
 def _surface(
-    mesh: Mesh, faces: Int32, of_vertex: Int64, count: int, size: float
+    mesh: Mesh, body: Body, of_vertex: Int64, count: int, size: float
 ) -> tuple[Float64, Float64, Int64, Float64]:
     """Return areas (M,) and area-weighted normals (M, 3) of places, and `pairs` and `length` of `Borders`."""
-    first = first_at_place(mesh)
-    points = (mesh.vertices - mesh.bounds.mean(axis=0)) / size  # near 0, where differences have small rounding errors
+    faces = body.faces
+    points = (body.vertices - mesh.bounds.mean(axis=0)) / size  # near 0, where differences have small rounding errors
     areas, normals = np.zeros(count), np.zeros((count, 3))
     pairs, lengths = [np.zeros((0, 2), np.int64)], [np.zeros(0)]
     for start in range(0, len(faces), RUN):  # RUN faces fit the processor's cache
         some = faces[start : start + RUN]
         place = of_vertex[some]
-        corners = points[first[some]]
+        corners = points[some]
         along, aside = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         normal = np.stack([along[i - 2] * aside[i - 1] - along[i - 1] * aside[i - 2] for i in range(3)]) / 2
         area = np.sqrt(np.square(normal).sum(axis=0))

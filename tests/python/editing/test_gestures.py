@@ -80,6 +80,38 @@ def test_a_drag_of_half_a_diagonal_never_jumps_and_equals_a_fresh_session(animal
         session.remove(handle)
 
 
+PULL, SHRINK = (0.5, 0.3, 0.0), (1.5, -2.49)  # the scale passes 0
+SWEEPS = {
+    "translation": lambda t: {"translation": np.multiply(t, PULL)},
+    "rotation to 360° about x": lambda t: {"rotation": (360 * t, 0, 0)},
+    "rotation to 360° about y": lambda t: {"rotation": (0, 360 * t, 0)},
+    "scale": lambda t: {"scale": SHRINK[0] + SHRINK[1] * t},
+    "scale of one axis": lambda t: {"scale": (SHRINK[0] + SHRINK[1] * t, 1, 1)},
+    "bend": lambda t: {"bend": (0, 0, 360 * t)},
+}
+COMBINED = {
+    "translation, rotation and scale": ("translation", "rotation to 360° about x", "scale"),
+    "all four": ("translation", "rotation to 360° about y", "scale of one axis", "bend"),
+}
+
+
+@pytest.mark.parametrize("second", [None, "leg", "head"])
+@pytest.mark.parametrize("name", [*SWEEPS, *COMBINED])
+def test_a_sweep_has_even_steps(animal, name, second):
+    sample, session = animal[0], fresh(animal[1])
+    first = session.add(tip_of(sample, "leg"))
+    if second is not None:
+        other = session.add(tip_of(sample, second, second == "leg"))
+        session.move(other, translation=(0, 0.05, 0.1), rotation=(20, 10, 0))
+    shapes = []
+    for t in np.linspace(0, 1, 101):
+        motions = [SWEEPS[each](t) for each in COMBINED.get(name, (name,))]
+        session.move(first, **{key: value for motion in motions for key, value in motion.items()}, merge=True)
+        shapes.append(session.vertices)
+    steps = np.abs(np.diff(shapes, axis=0)).max(axis=(1, 2))
+    assert steps.max() < 5 * np.median(steps)
+
+
 def test_a_drag_back_to_its_start_gives_the_first_shape(animal):
     sample, known, _ = animal
     session, far = fresh(known), sample.mesh.diagonal / 2

@@ -8,6 +8,7 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from posing.made_motion import about, rotation, scene, turning_scene
+from scipy.spatial.transform import Rotation
 
 import dfd
 
@@ -28,8 +29,11 @@ PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
     stretch=st.sampled_from([0.0, 0.4]),
     overlap=st.sampled_from(OVERLAPS),
     blend=st.sampled_from(BLENDS),
+    turned=st.booleans(),
 )
-def test_agrees_with_the_twin(vertex_count, handle_count, seed, dtype, band, with_default, stretch, overlap, blend):
+def test_agrees_with_the_twin(
+    vertex_count, handle_count, seed, dtype, band, with_default, stretch, overlap, blend, turned
+):
     vertices, weights, transforms = turning_scene(vertex_count, handle_count, seed=seed, dtype=dtype, stretch=stretch)
     random = np.random.default_rng(seed)
     normals = random.standard_normal((vertex_count, 3)).astype(dtype)
@@ -42,15 +46,23 @@ def test_agrees_with_the_twin(vertex_count, handle_count, seed, dtype, band, wit
         "overlap": overlap,
         "blend": blend,
     }
-    posed, turned = dfd.pose(vertices, weights, transforms, **options)
+    if turned:  # rotations by up to 260°, whose matrices do not say which way they go
+        rotations = random.uniform(-150, 150, (handle_count + 1, 3))
+        stretches = random.normal(size=(handle_count + 1, 3, 3))
+        stretches = np.eye(3) + 0.3 * stretch * (stretches + stretches.transpose(0, 2, 1))
+        linear = Rotation.from_rotvec(rotations, degrees=True).as_matrix() @ stretches
+        matrices = np.concatenate([linear, random.normal(size=(handle_count + 1, 3, 1))], axis=2)
+        transforms, options["default"] = matrices[:-1], matrices[-1]
+        options |= {"pivots": random.normal(size=(handle_count + 1, 3)), "rotations": rotations}
+    posed, turned_normals = dfd.pose(vertices, weights, transforms, **options)
     wanted, wanted_normals = reference.pose(vertices, weights, transforms, **options)
-    assert posed.dtype == turned.dtype == dtype
+    assert posed.dtype == turned_normals.dtype == dtype
     aside = np.abs(vertices @ np.array(PLANE.normal) - PLANE.offset) > 1e-6  # others can be on either side
     # Rotations that nearly cancel leave a quaternion with few digits. So do similar handles with "interpolate".
     lost = max(1.0, np.linalg.cond(weights[:handle_count]) / 10) if overlap == "interpolate" else 1.0
     digits = {"linear": 1e-5, "dual_quaternion": 3e-5}[blend]
     np.testing.assert_allclose(posed[aside], wanted[aside], rtol=0, atol=lost * digits * max(1.0, np.abs(wanted).max()))
-    np.testing.assert_allclose(turned[aside], wanted_normals[aside], rtol=0, atol=lost * 3e-4)
+    np.testing.assert_allclose(turned_normals[aside], wanted_normals[aside], rtol=0, atol=lost * 3e-4)
 
 
 @pytest.mark.parametrize("kind", ["flat", "point", "mirrored"])
@@ -95,6 +107,31 @@ def test_the_blend_of_a_rotation_with_the_default_takes_the_shorter_way(dtype, m
     turn = [one if mirrored else other]
     posed = dfd.pose(vertices, np.full((50, 1), 0.5), turn, default=one, blend="dual_quaternion", **options)
     np.testing.assert_allclose(posed, vertices * [-1, -1, 1], atol=1e-5)
+
+
+@TYPES
+def test_a_given_rotation_turns_every_weight_by_its_share(dtype):
+    """A bar turns by up to 600°, evenly along its length, about a pivot that moves along a line."""
+    bar = np.array([[x, y, z] for z in np.linspace(0, 1, 41) for x, y in ((0.1, 0), (0, 0.1))], dtype)
+    weights, pivot = bar[:, 2:].astype(np.float32), np.array([0.3, 0.0, 0.0])
+    turned = []
+    for degrees in range(0, 601, 6):
+        turn = Rotation.from_rotvec([0, 0, degrees], degrees=True).as_matrix()
+        moved = np.column_stack([turn, pivot - turn @ pivot + [0, 0.2, 0.4]])
+        ways = {"pivots": [pivot, np.zeros(3)], "rotations": [[0, 0, degrees], np.zeros(3)]}
+        posed = dfd.pose(bar, weights, moved[None], blend="dual_quaternion", **ways)
+        posed = posed - weights * np.array([0, 0.2, 0.4], dtype)
+        radii = [np.linalg.norm((points - pivot)[:, :2], axis=1) for points in (posed, bar)]
+        np.testing.assert_allclose(*radii, rtol=1e-5)
+        turned.append(np.arctan2(posed[:, 1], posed[:, 0] - 0.3))
+    steps = np.degrees(np.diff(np.unwrap(turned, axis=0), axis=0))
+    assert np.abs(steps[:61] - 6 * weights[:, 0]).max() < 2  # up to 360°, nearly in proportion to the weights
+    assert np.abs(steps).max() < 4 * 6
+
+
+def test_rotations_need_pivots():
+    with pytest.raises(ValueError, match=r"^pose: `pivots` must be given with `rotations`"):
+        dfd.pose(np.zeros((1, 3)), np.ones((1, 1)), [np.eye(3, 4)], blend="dual_quaternion", rotations=np.zeros((2, 3)))
 
 
 def test_opposite_turns_that_cancel_leave_no_nan():

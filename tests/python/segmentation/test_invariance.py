@@ -1,9 +1,12 @@
 """Test that parts are a function of the shape: not of the order, scale, place or copies of vertices and faces."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import dfd
+from dfd.common.normals import smooth_normals
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -94,9 +97,53 @@ def shifted(vertices, faces, random):
     return vertices + far, faces, np.arange(len(vertices)), far
 
 
+def inside_out(vertices, faces, random):
+    return vertices, faces[:, ::-1], np.arange(len(vertices)), 0.0
+
+
+def with_a_third_flipped(vertices, faces, random):
+    return (
+        vertices,
+        np.where(random.random((len(faces), 1)) < 1 / 3, faces[:, ::-1], faces),
+        np.arange(len(vertices)),
+        0.0,
+    )
+
+
+def hollow(vertices, faces, random):
+    """Add an inner wall, which looks inwards, 0.4 % of the diagonal inside."""
+    depth = 0.004 * np.linalg.norm(np.ptp(vertices, axis=0))
+    inner = vertices - depth * smooth_normals(vertices, faces)
+    walls = np.concatenate([faces, faces[:, ::-1] + len(vertices)])
+    return np.concatenate([vertices, inner]), walls, np.tile(np.arange(len(vertices)), 2), 0.0
+
+
+def cut(vertices, faces, random, gap):
+    """Move four quadrants apart by `gap` diagonals."""
+    middles = vertices[faces].mean(axis=1)
+    quadrant = 2 * (middles[:, 0] > 0) + (middles[:, 2] > 0)
+    corners, inverse = np.unique(quadrant[:, None] * len(vertices) + faces, return_inverse=True)
+    number, old = np.divmod(corners, len(vertices))
+    apart = gap * np.linalg.norm(np.ptp(vertices, axis=0)) * np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, -1], [1, 0, 1]])
+    return vertices[old] + apart[number], inverse.reshape(-1, 3), old, 0.0
+
+
+def with_fins(vertices, faces, random):
+    """Add 30 faces, each on an edge of two others."""
+    edges = faces[random.choice(len(faces), 30, replace=False)][:, :2]
+    ends = vertices[edges]
+    out = 2 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+    tips = ends.mean(axis=1) + out * smooth_normals(vertices, faces)[edges[:, 0]]
+    fins = np.column_stack([edges, len(vertices) + np.arange(30)])
+    old = np.append(np.arange(len(vertices)), edges[:, 0])
+    return np.concatenate([vertices, tips]), np.concatenate([faces, fins]), old, 0.0
+
+
 @pytest.mark.parametrize(
     "change",
     [
+        *(inside_out, with_a_third_flipped, hollow, with_fins),
+        *(pytest.param(partial(cut, gap=gap), id=f"cut, moved by {gap:g}") for gap in (1e-9, 1e-6, 1e-4)),
         renumbered,
         with_faces_in_another_order,
         with_doubled_faces,
@@ -115,6 +162,8 @@ def test_the_same_shape_has_the_same_parts(animal, rows, expected, change):
     for own, found in zip(masks, masks_at(parts, first[places]), strict=True):
         for one, other in zip(own, found, strict=True):
             assert np.array_equal(one, other[first])
+            if change is hollow:
+                assert np.array_equal(one[old], other)
 
 
 def test_a_turned_shape_has_nearly_the_same_parts(animal, rows, expected):

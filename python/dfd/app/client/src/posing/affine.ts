@@ -62,7 +62,7 @@ export function typedMotion(
   if (motion === "bend") return { ...start, bend: sum(start.bend) };
   if (motion === "rotate") {
     const turn = new Quaternion().setFromAxisAngle(along, MathUtils.degToRad(value));
-    return { ...start, rotation: rotationOf(turn.multiply(quaternionOf(start.rotation))) };
+    return { ...start, rotation: rotationOf(turn.multiply(quaternionOf(start.rotation)), sum(start.rotation)) };
   }
   if (value === 0) return start;
   const [x, y, z] = start.scale;
@@ -77,12 +77,20 @@ export function quaternionOf(rotation: Vec3): Quaternion {
   return new Quaternion().setFromAxisAngle(axis.normalize(), angle);
 }
 
-/** Return the rotation vector of a unit quaternion, in degrees; its length is at most 180. */
-export function rotationOf({ x, y, z, w }: Quaternion): Vec3 {
-  const sign = w < 0 ? -1 : 1;
+/**
+ * Return the rotation vector of a unit quaternion, in degrees. Of those that differ by whole turns, it is the nearest to
+ * `near`, so a drag can pass 180° and go on.
+ */
+export function rotationOf({ x, y, z, w }: Quaternion, near: Vec3 = [0, 0, 0]): Vec3 {
   const sine = Math.hypot(x, y, z);
-  const degrees = MathUtils.radToDeg(sign * 2 * Math.atan2(sine, sign * w));
-  return sine === 0 ? [0, 0, 0] : [(x * degrees) / sine, (y * degrees) / sine, (z * degrees) / sine];
+  if (sine === 0) {
+    const turns = Math.round(Math.hypot(...near) / 360);
+    return turns === 0 ? [0, 0, 0] : new Vector3(...near).setLength(360 * turns).toArray();
+  }
+  const axis = new Vector3(x, y, z).divideScalar(sine);
+  const degrees = MathUtils.radToDeg(2 * Math.atan2(sine, w));
+  const turns = Math.round((axis.dot(new Vector3(...near)) - degrees) / 360);
+  return axis.multiplyScalar(degrees + 360 * turns).toArray();
 }
 
 /** Return the matrix with these axes as columns. */

@@ -55,6 +55,13 @@ describe("rotations", () => {
     close(rotationOf(quaternionOf([0, 270, 0])), [0, -90, 0], 6);
     close(rotationOf(new Quaternion(0, 0, 0, -1)), [0, 0, 0]);
   });
+
+  it("goes on beyond half a turn", () => {
+    for (let angle = 0, near: Vec3 = [0, 0, 0]; angle <= 720; angle += 60) {
+      near = rotationOf(quaternionOf([0, 0, angle]), near);
+      close(near, [0, 0, angle], 6);
+    }
+  });
 });
 
 describe("interpolate", () => {

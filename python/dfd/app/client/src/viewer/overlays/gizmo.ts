@@ -142,7 +142,9 @@ export class Gizmo {
     const { mesh, snap } = store.get();
     if (this.controls.mode === "rotate") {
       const turned = this.turned(snap).multiply(axesTurn(transform).invert());
-      return { ...transform, rotation: rotationOf(turned.normalize()) };
+      const known = selectedHandle(store.get());
+      const now = known ? present(store.get(), known).transform.rotation : transform.rotation;
+      return { ...transform, rotation: rotationOf(turned.normalize(), now) };
     }
     const moved = this.proxy.position.clone().sub(this.start.position);
     if (snap && mesh && !bends) snapAlong(moved, niceStep(mesh.diagonal / 50), this.frame);
