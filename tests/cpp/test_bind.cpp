@@ -167,6 +167,35 @@ CASE("sums of byte products that reach the limits of 16 bits are exact")
         for (std::size_t handles = 1; handles <= std::size(pairs); ++handles) bytes.checked(handles, name);
 END
 
+CASE("a single handle has the same bits as among others, on every instruction set")
+    constexpr std::size_t count = 101;
+    std::mt19937 random(5);
+    for (const std::size_t dimension : {4u, 16u, 20u, 144u, 300u}) {
+        std::vector<float> rows(count * dimension);
+        for (float& value : rows) value = static_cast<float>(random() % 201) - 100;
+        for (std::size_t k = dimension; k < 40 * dimension; ++k) rows[k] = rows[k % dimension] + float(random() % 3) - 1;
+        const float step = 0.01f / std::sqrt(static_cast<float>(dimension));
+        const Bytes bytes(rows, dimension, step);
+        for (float& value : rows) value *= step;
+        std::vector<std::uint16_t> halves((count + 15) / 16 * 16 * dimension);
+        for (std::uint16_t& half : halves) half = static_cast<std::uint16_t>((random() & 0x83ff) | 10 << 10);  // ± 2^-5
+        for (const std::string& name : dfd::instruction_sets()) {
+            for (const dfd::Features& source :
+                 {dfd::Features{dfd::Features::Layout::rows, rows.data(), count, dimension, 1},
+                  dfd::Features{dfd::Features::Layout::halves, halves.data(), count, dimension, 1},
+                  dfd::Features{dfd::Features::Layout::bytes, bytes.stored.data(), count, dimension, step}}) {
+                const std::array<std::int64_t, 2> vertices{7, 50};
+                std::vector<float> one(count, -1), both(2 * count);
+                const std::span<const std::int64_t> first{vertices.data(), 1};
+                dfd::bind(source, {.vertices = first}, {}, {one.data(), count, 1, 1, 1}, 1, dfd::kernels(name));
+                dfd::bind(source, {.vertices = vertices}, {}, {both.data(), count, 2, 1, count}, 1, dfd::kernels(name));
+                CHECK(std::equal(one.begin(), one.end(), both.begin()));
+                CHECK(one[7] == 1 && *std::min_element(one.begin(), one.end()) < 0.9f);
+            }
+        }
+    }
+END
+
 CASE("an unknown instruction set is refused")
     CHECK_THROWS(dfd::kernels("avx1024"), "DFD_ISA must be one of the instruction sets of this machine (baseline");
 END

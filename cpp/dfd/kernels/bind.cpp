@@ -4,6 +4,7 @@
 #include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
 #include "dfd/kernels/layout.hpp"
+#include "dfd/kernels/one_handle.hpp"
 
 namespace dfd {
 namespace {
@@ -274,11 +275,17 @@ DFD_INLINE unsigned dispatch(const BindJob& job, std::size_t begin, std::size_t 
 }
 
 // Computes the weights of a range. `read(job, first vertex, count, scratch)` returns the features of a block (a panel).
+// If there is one handle with the paper's settings, `first` computes all weights but those of a last group of blocks.
 template <class Read>
-DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
+DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch,
+                               FirstWeights (*first)(const BindJob&, std::size_t, std::size_t), const Read& read)
 {
     const bool columns = job.row_stride == 1 && (job.column_stride != 1 || job.handle_count == 1);
-    return columns ? dispatch<true>(job, begin, end, scratch, read) : dispatch<false>(job, begin, end, scratch, read);
+    const bool single = columns && job.points.count == 1 && !job.general && job.geodesic == nullptr;
+    const auto [count, faults] = single ? first(job, begin, end) : FirstWeights{0, no_fault};
+    begin += count;
+    return faults | (columns ? dispatch<true>(job, begin, end, scratch, read)
+                             : dispatch<false>(job, begin, end, scratch, read));
 }
 
 }  // namespace
@@ -287,7 +294,7 @@ namespace DFD_VARIANT {
 
 unsigned bind_rows(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
-    return bind_range(job, begin, end, scratch,
+    return bind_range(job, begin, end, scratch, bind_one_float<RowBlock>,
                       [](const BindJob& own, std::size_t i, std::size_t count, float* panel) __attribute__((always_inline)) {
         const float* rows = static_cast<const float*>(own.features) + i * own.dimension;
         rows_to_lanes(rows, own.dimension, own.dimension, count, panel);
@@ -297,7 +304,7 @@ unsigned bind_rows(const BindJob& job, std::size_t begin, std::size_t end, float
 
 unsigned bind_halves(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
-    return bind_range(job, begin, end, scratch,
+    return bind_range(job, begin, end, scratch, bind_one_float<HalfBlock>,
                       [](const BindJob& own, std::size_t i, std::size_t, float* panel) __attribute__((always_inline)) {
         const std::size_t size = own.dimension * block_size;
         const std::uint16_t* halves = static_cast<const std::uint16_t*>(own.features) + i * own.dimension;
@@ -309,12 +316,12 @@ unsigned bind_halves(const BindJob& job, std::size_t begin, std::size_t end, flo
 
 unsigned bind_bytes(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
-    return bind_range(job, begin, end, scratch,
+    return bind_range(job, begin, end, scratch, bind_one_bytes,
                       [](const BindJob& own, std::size_t i, std::size_t, float*) __attribute__((always_inline)) {
         const std::uint8_t* bytes = static_cast<const std::uint8_t*>(own.features) + i * (own.dimension + 4);
         const std::size_t size = (own.dimension + 4) * block_size;
         prefetch(bytes, blocks_ahead * size, size);
-        return BytePanel(bytes, own.dimension, own.scale);
+        return BytePanel<>(bytes, own.dimension, own.scale);
     });
 }
 
