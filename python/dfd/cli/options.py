@@ -21,7 +21,7 @@ def _check_file(parameter: CallbackParam, given: Any) -> Any:
     """Return `given`, a path or a list of paths. Raise FileNotFoundError with the option's name if one is no file."""
     name = parameter.opts[0] if parameter.opts[0].startswith("-") else parameter.metavar
     for path in given if isinstance(given, list | tuple) else [given]:
-        if path is not None and not Path(path).is_file():
+        if path is not None and (not Path(path).exists() or Path(path).is_dir()):
             raise FileNotFoundError(f"`{name}`: {path} does not exist or is no file")
     return given
 

@@ -36,7 +36,7 @@ def shapes(run, chair, folder, monkeypatch):
         ((*BATCH, "--step", "dance"), "`--step` must be one of inspect"),
         ((*BATCH, "--step", "inspect,edits"), '`--edit` and the step "edits" must be given together'),
         (
-            (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),
+            (*BATCH, "--edit", "edit.json", "--edit", "edit.json", "--made-on", "far.ply"),
             "`--edit` and `--made-on` must be given equally often",
         ),
         ((*BATCH, "--edit", "none.json"), "`--edit`: none.json does not exist"),

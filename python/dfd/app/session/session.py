@@ -503,7 +503,9 @@ class Session:
             editing.unreported = False
             report = editing.deformer.report()
             text = summary(report, editing.deformer.edit)
-            self.send(messages.ReportMessage(text=text, details=details(report)))
+            handles = zip(report.handles, editing.deformer.edit.handles, strict=True)
+            steps = {each.id: editing.parts.text(each) for told, each in handles if told.step}
+            self.send(messages.ReportMessage(text=text, details=details(report, steps)))
         if (probed := editing.exact_probe()) is not None:
             vertex, level, weights = probed
             self.send(messages.HeatMessage(vertex=vertex, level=level, exact=True), values=quantized(weights))

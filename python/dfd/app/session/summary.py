@@ -1,5 +1,7 @@
 """The effect of an edit in a few words for the page, with details on demand."""
 
+from collections.abc import Mapping
+
 from dfd.editing.edit import Edit
 from dfd.editing.report import LEAST_STRETCH, HandleReport, Report
 
@@ -16,8 +18,8 @@ def summary(report: Report, edit: Edit) -> str:
     return "; ".join(told)
 
 
-def details(report: Report) -> tuple[str, ...]:
-    """Return one sentence about the whole shape and one about each handle."""
+def details(report: Report, steps: Mapping[int, str]) -> tuple[str, ...]:
+    """Return one sentence about the whole shape and one about each handle. `steps` has the steps of parts in words."""
     if report.warning is not None:
         return ()
     share = "less than 1" if report.moved < 0.005 else f"{100 * report.moved:.0f}"
@@ -29,7 +31,7 @@ def details(report: Report) -> tuple[str, ...]:
         if each.mirrored is not None:
             words += ", mirrored"
         if each.step:
-            words += f", {each.step} of the surface"
+            words += f", step {steps[each.id]}"
         told.append(f"{words}{'' if each.note is None else f', {each.note}'}.")
     return (*told, *([] if report.advice is None else [f"{report.advice}."]))
 

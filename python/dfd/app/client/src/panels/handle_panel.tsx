@@ -54,10 +54,10 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     <Panel
       title={handleName(handle)}
       action={
-        <>
+        <div class="bar-group">
           <IconButton icon="copy" label="Copy the place" onPress={() => void copyPlace(known)} />
           <ActionButton action="reset" disabled={!known.moved} />
-        </>
+        </div>
       }
     >
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />

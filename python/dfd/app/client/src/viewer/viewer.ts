@@ -6,6 +6,7 @@ import {
   EdgesGeometry,
   LineBasicMaterial,
   LineSegments,
+  MathUtils,
   MOUSE,
   PlaneGeometry,
   Sphere,
@@ -76,23 +77,13 @@ export class Viewer {
     const scale = stage.canvas.height / stage.height;
     const [x, y] = stage.project(posed ? this.gizmo.proxy.position.toArray() : [0, 0, 0]) ?? [0, 0];
     const radius = (shape?.radius ?? 1) / (stage.camera.position.distanceTo(stage.orbit.target) * stage.slopeOfPixel);
-    // A quarter of the width, and a third of the height, of what the picture shows.
-    const size = ((posed ? 1.1 : 2.4) * radius * scale) / 3;
+    // The part of the canvas that the picture shows, which is inside the canvas.
+    const high = Math.min((posed ? 1.1 : 2.4) * radius * scale, stage.canvas.height, 0.75 * stage.canvas.width);
+    const [width, height] = [(4 / 3) * high, high];
+    const left = MathUtils.clamp(x * scale - width / 2, 0, stage.canvas.width - width);
+    const top = MathUtils.clamp(y * scale - height / 2, 0, stage.canvas.height - height);
     if (posed) shape?.setPosed(posed);
-    this.bare(() => {
-      const context = canvas.getContext("2d");
-      context?.drawImage(
-        stage.canvas,
-        x * scale - 2 * size,
-        y * scale - 1.5 * size,
-        4 * size,
-        3 * size,
-        0,
-        0,
-        240,
-        180,
-      );
-    });
+    this.bare(() => canvas.getContext("2d")?.drawImage(stage.canvas, left, top, width, height, 0, 0, 240, 180));
     if (posed) shape?.setPosed(store.get().posed);
     return canvas.toDataURL("image/jpeg", 0.8);
   }

@@ -118,9 +118,13 @@ function installHook() {
       },
       /** Return the posed positions of the server's kernel (V, 3), relative to the mesh's center. */
       async computed() {
-        const received = await ask({ type: "compute" });
-        if (!received) throw new Error("The server computed nothing.");
-        return received.payload.get("positions", "F32");
+        for (;;) {
+          // The server does not answer if the page, too, asks for a pose before the answer.
+          const answered = [ask({ type: "compute" }), new Promise((next) => setTimeout(next, 5000))];
+          const received = await Promise.race(answered);
+          if (received === null) throw new Error("The server computed nothing.");
+          if (received) return received.payload.get("positions", "F32");
+        }
       },
       /** Return the vertices that would follow the selected handle with other controls, (N). */
       async following(controls) {

@@ -1,16 +1,15 @@
 // Touch input on a phone: one finger orbits, a tap grabs, and one bar with a menu and a sheet has everything else.
 import assert from "node:assert/strict";
-import { before } from "node:test";
 
 import { eventually, shot, state, still, story, test, until, visibleVertex } from "./page.mjs";
 
 let page, fingers;
 
 story((tab) => ({ page } = tab), { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true });
-before(async () => (fingers = await page.context().newCDPSession(page)));
 
 /** Move one finger from the pixel `from` by (x, y) pixels. */
 async function swipe(from, [x, y]) {
+  fingers ??= await page.context().newCDPSession(page);
   const touch = (type, at) =>
     fingers.send("Input.dispatchTouchEvent", { type, touchPoints: at ? [{ x: at[0], y: at[1] }] : [] });
   await touch("touchStart", from);
