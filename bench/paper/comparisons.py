@@ -241,8 +241,10 @@ def medians(rows: Sequence[Row]) -> str:
     for group, own in groups.items():
         drawn = [row for row in own if not row["note"]]
         found = ([abs(row[each]) for row in drawn if row.get(each) is not None] for each in measures)
-        cells.append([*group, len(drawn), *(float(np.median(each)) if each else None for each in found)])
-    table = to_markdown(["method", "variant", "shapes", *measures], cells)
+        cells.append(
+            [", ".join(filter(None, group)), len(drawn), *(float(np.median(each)) if each else None for each in found)]
+        )
+    table = to_markdown(["method", "shapes", *measures], cells)
     return f"Median magnitudes over the shapes on which a method gives a result:\n\n{table}"
 
 

@@ -308,7 +308,6 @@ FIGURES: dict[str, Figure] = {
         low("same weights on remeshings", "largest ratio of areas", column("area, larger / smaller", max), 1.5),
         high("remeshings follow alike", "least agreement, %", column("agreement of copies %", min), ALIKE),
         high("other shapes follow alike", "lowest agreement, %", column("agreement of other shapes %", min), ALIKE),
-        cause="parts merge on few faces, and legs of other shapes lie elsewhere in the field's space",
     ),
     "fig20": figure(features.fig20, high("handles select the same parts", RIGHT_PAIRS, column("agreement %"), ALIKE)),
     "fig21": figure(

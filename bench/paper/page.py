@@ -19,7 +19,7 @@ from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
 
 RESOLUTION = 320
-# Smallest "agreement %" with which a claim can hold. Of 900 sets of smooth random features on a table, 1 % reach it
+# Smallest "agreement %" with which a claim can hold. Of 900 sets of smooth random features on a table, 0.4 % reach it
 # (`tests/python/bench/test_claims.py`).
 ALIKE = 80.0
 Pictures = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions

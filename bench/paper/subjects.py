@@ -171,10 +171,6 @@ class Subject:
         return self.session([{**self.case.on(self.shape), **(changes or {})}], **more)
 
 
-def _mesh_of(sample: str) -> dfd.Mesh:
-    return SAMPLES[sample]().mesh
-
-
 def posed_robot() -> dfd.Mesh:
     """Return the sample robot with its right arm raised by 70 degrees."""
     sample = SAMPLES["robot"]()
@@ -213,7 +209,7 @@ class Context:
     @cached_property
     def made(self) -> dict[str, Callable[[], dfd.Mesh]]:
         """Return the functions that generate shapes, by name: the samples, and a robot that is no mirror image."""
-        samples = {name: partial(_mesh_of, name) for name in SAMPLES}
+        samples = {name: partial(lambda make: make().mesh, make) for name, make in SAMPLES.items()}
         return {**samples, "posed robot": posed_robot}
 
     def quick_or_full(self, values: tuple[Any, Any]) -> Any:

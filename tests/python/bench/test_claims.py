@@ -102,10 +102,12 @@ def test_no_claim_holds_for_random_features(name, kind, peers, one_thread):
     assert {key: word for key, word in found.items() if not word.startswith("no:") and word != "no"} == {}
 
 
-@pytest.mark.parametrize("name", [each for each in BY_FEATURES if each != "fig21"])
+@pytest.mark.parametrize("name", BY_FEATURES)
 def test_claims_hold_for_true_features(name, peers, one_thread):
     peers["kind"] = best_peers(name)
-    found = verdicts(name, rows_of(name, MadeContext(functions=lambda _: true)))
+    rows = rows_of(name, MadeContext(functions=lambda _: true))
+    # With the paper preset, the weights of many handles sum to more than 1, whatever the features are.
+    found = verdicts(name, rows, BOTH[1:] if name == "fig21" else BOTH)
     assert {key: word for key, word in found.items() if word != "yes"} == {}
 
 
@@ -253,4 +255,4 @@ def test_random_smooth_features_reach_no_agreement() -> None:
         follows = np.zeros(len(mesh.vertices))
         follows[at] = np.maximum(1 - np.linalg.norm(rows - rows[0], axis=1), 0)
         found.append(subjects.agreement(mesh, case, follows))
-    assert np.mean(np.array(found) >= ALIKE) < 0.02
+    assert np.mean(np.array(found) >= ALIKE) < 0.01
