@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -19,15 +19,17 @@ from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.alike import POSSIBLE, Alike
 from dfd.segmentation.border import snapped
-from dfd.segmentation.choose import Candidates, candidates, ladder
+from dfd.segmentation.choose import candidates
+from dfd.segmentation.choose import ladder as ladder_of
 from dfd.segmentation.cut import cut_labels
 from dfd.segmentation.follow import Follow
-from dfd.segmentation.levels import components_at
+from dfd.segmentation.levels import Ladder
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import Trees
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 
+MOST_LADDERS = 256  # number of patches whose levels are kept, each with up to 0.5 MB
 FRAGMENT = 0.1  # components of a part below this share of the largest component's area are not counted
 
 
@@ -97,7 +99,7 @@ class Parts:
         if not self._has_surface:
             return None
         vertex = self._vertex(at)
-        if level == 0 and not self._ladder(int(self._patches.of_vertex[vertex]))[0].clear:
+        if level == 0 and not self._ladder(vertex).clear:
             return None
         return self._components(vertex, level, "all")[0]
 
@@ -108,20 +110,17 @@ class Parts:
         """
         if not self._has_surface:
             return []
-        patches = self._patches
-        found, rungs, middle = self._ladder(int(patches.of_vertex[self._vertex(at)]))
-        level = min(max(level, -middle), len(rungs) - 1 - middle)
-        held = np.any(self._set(found, rungs, middle, level, "all"), axis=0)
-        region = found.regions[rungs[middle + level]]
+        of_vertex, ladder = self._patches.of_vertex, self._ladder(self._vertex(at))
+        held, region = np.any(ladder.components(level, "all"), axis=0), ladder.region(level)
         possible = self._alike.followers(region, within=~held | region, least=POSSIBLE)
-        return [int(np.flatnonzero(each.region[patches.of_vertex])[0]) for each in possible]
+        return [int(np.flatnonzero(each.region[of_vertex])[0]) for each in possible]
 
     def levels(self, at: Any) -> tuple[int, int]:
         """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""
         if not self._has_surface:
             return 0, 0
-        rungs, middle = self._ladder(int(self._patches.of_vertex[self._vertex(at)]))[1:]
-        return -middle, len(rungs) - 1 - middle
+        ladder = self._ladder(self._vertex(at))
+        return ladder.lowest, ladder.highest
 
     def cut(self, *, instances: bool = False) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
@@ -192,13 +191,10 @@ class Parts:
 
     def _components(self, vertex: int, level: int, follow: Follow) -> tuple[Int64, float]:
         """Return `components` (N,) at a vertex, and the part's share of the surface."""
-        patches = self._patches
-        found, rungs, middle = self._ladder(int(patches.of_vertex[vertex]))
-        level = min(max(level, -middle), len(rungs) - 1 - middle)
-        regions = np.array(self._set(found, rungs, middle, level, follow))
+        patches, ladder = self._patches, self._ladder(vertex)
+        regions = np.array(ladder.components(level, follow))
         inside: Bool = np.any(regions, axis=0)
-        place = int(patches.place[patches.nodes.of_vertex[vertex]])
-        side = self._side(found, rungs, middle, level, follow, place)
+        side = ladder.side(level, follow, int(patches.place[patches.nodes.of_vertex[vertex]]))
         component = np.where(inside, regions.argmax(axis=0), -1)[patches.of_place]
         lost = np.flatnonzero(side & (component < 0))
         if len(lost):  # the border moved outwards: these places belong to the nearest component
@@ -209,28 +205,18 @@ class Parts:
         component[patches.nodes.of_vertex[vertex]] = 0
         return component, float(patches.area @ inside)
 
-    def _set(self, found: Candidates, rungs: list[int], middle: int, level: int, follow: Follow) -> list[Bool]:
-        """Return the components (P,) of the part at a level. `found`, `rungs` and `middle` are those of `_ladder`."""
-        key = found.regions[rungs].tobytes(), middle, level, follow
-        if key not in self._sets:
-            regions = [found.regions[rung] for rung in rungs]
-            self._sets[key] = components_at(self._alike, regions, middle, level, follow)
-        return self._sets[key]
-
-    def _side(self, found: Candidates, rungs: list[int], middle: int, level: int, follow: Follow, place: int) -> Bool:
-        """Return the places (M,) of the part at a level. Moved borders of neighboring levels do not cross."""
-        inside: Bool = np.any(self._set(found, rungs, middle, level, follow), axis=0)
-        side = snapped(self._patches, inside, place if place >= 0 else None)
-        if level:
-            nearer = self._side(found, rungs, middle, level - int(np.sign(level)), follow, place)
-            side = side | nearer if level > 0 else side & nearer
-        return side
-
-    def _ladder(self, patch: int) -> tuple[Candidates, list[int], int]:
-        if patch not in self._ladders:
+    def _ladder(self, vertex: int) -> Ladder:
+        """Return the levels at the patch of a vertex. Those used last are kept."""
+        patch = int(self._patches.of_vertex[vertex])
+        ladder = self._ladders.pop(patch, None)
+        if ladder is None:
             found = candidates(self._trees, patch)
-            self._ladders[patch] = found, *ladder(found, self._patches.area)
-        return self._ladders[patch]
+            rungs, middle = ladder_of(found, self._patches.area)
+            ladder = Ladder(self._alike, list(found.regions[rungs]), middle, found.clear)
+            while len(self._ladders) >= MOST_LADDERS:
+                del self._ladders[next(iter(self._ladders))]
+        self._ladders[patch] = ladder
+        return ladder
 
     def _count(self, inside: Bool) -> int:
         """Return the number of components of the patches `inside` (P,) that are no fragments."""
@@ -255,11 +241,7 @@ class Parts:
         return int(self._nearest.query(point)[1])
 
     @cached_property
-    def _ladders(self) -> dict[int, tuple[Candidates, list[int], int]]:
-        return {}
-
-    @cached_property
-    def _sets(self) -> dict[Hashable, list[Bool]]:
+    def _ladders(self) -> dict[int, Ladder]:
         return {}
 
     @cached_property

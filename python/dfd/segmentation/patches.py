@@ -8,12 +8,11 @@ the side of a square with the area of the surface.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
@@ -21,35 +20,25 @@ from dfd.geometry.body import Body, body_of
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import scene_parts_and_materials, vertex_areas
 from dfd.mesh.mesh import Mesh
+from dfd.segmentation.seeds import (
+    COUNT,
+    GRID,
+    MOST,
+    NEAR,
+    mirrors_of,
+    nearest_seed,
+    orbits,
+    orbits_of_patches,
+    rounded,
+    symmetric,
+)
 from dfd.symmetry.plane import SymmetryPlane
 
-COUNT = 2_000  # approximate number of patches; the computing time grows with the square of this number
-NEAR = 0.75  # farthest-point sampling ends if all places are within NEAR patch spacings of a seed
 NORMAL_WEIGHT = 0.6  # weight of normals in distances between seeds, so that both sides of a thin sheet get seeds
-MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
 SAMPLES = 8  # largest number of vertices per patch over which features are averaged
 BRIDGE = 0.3  # concavity of borders across small gaps between components of the mesh, that of a clear crease
-UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose reflections commute
-MAPPED = 0.7  # a plane of symmetry maps at least this share of the surface onto the surface
-SAME = 1e-5  # two places are exact mirror images up to this distance
-GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
 TINY = 1e-9  # replaces lengths, areas and distances of 0, such as the length of a border across a small gap
 ACROSS = 1e3  # added to distances between two things of the file, so that a patch belongs to one; more than any path
-
-
-class Mirror(NamedTuple):
-    """The plane of all normalized positions p with normal · p = offset."""
-
-    normal: Float64  # (3,) unit vector
-    offset: float
-
-    def height(self, points: Float64) -> Float64:
-        """Return the signed distances (N,) of `points` (N, 3) from the plane."""
-        return points @ self.normal - self.offset
-
-    def image(self, points: Float64) -> Float64:
-        """Return the mirror images of `points` (..., 3)."""
-        return points - 2 * np.multiply.outer(points @ self.normal - self.offset, self.normal)
 
 
 class Borders:
@@ -156,18 +145,17 @@ class Patches:
         `things` (M, K) are the things of the file to which each place belongs.
         """
         tree, area, borders = cKDTree(center), self.place_area, self.place_borders
-        mirrors = [self._mirror(plane) for plane in _commuting(planes)]
-        mirrors = [each for each in mirrors if _mapped(each, tree, area, self.spacing) > MAPPED]
+        mirrors = mirrors_of(planes, self._middle, self.size, tree, area)
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
-        seeds, orbit = _orbits(places, tree, self.spacing, mirrors)
-        nearest = _nearest_seed(_divided(graph, things), seeds, center)
-        of_seed = _symmetric(nearest, tree, center[seeds], mirrors)
+        seeds, orbit = orbits(places, tree, self.spacing, mirrors)
+        nearest = nearest_seed(_divided(graph, things), seeds, center)
+        of_seed = symmetric(nearest, tree, center[seeds], mirrors)
         self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
         self.area = np.asarray(np.bincount(self.of_place, weight, count), np.float64)
         own = self.area[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
-        self.orbit = _orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
+        self.orbit = orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_place, normal, count) / own
         joined, length = _contracted(self.of_place, borders.pairs, borders.length, count)
@@ -194,17 +182,9 @@ class Patches:
         place = np.where(self._inside, self.place, -1)
         ends = np.stack([np.repeat(place, np.diff(graph.indptr)), place[graph.indices]], axis=1)
         ends = distinct_pairs(ends[(ends >= 0).all(axis=1) & (ends[:, 0] != ends[:, 1])], count)[0]
-        length = _rounded(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1)) + 1 / GRID
+        length = rounded(np.linalg.norm(center[ends[:, 0]] - center[ends[:, 1]], axis=1)) + 1 / GRID
         both = np.concatenate([ends, ends[:, ::-1]]).T
         return csr_array((np.tile(length, 2), tuple(both)), shape=(count, count))
-
-    def _mirror(self, plane: SymmetryPlane) -> Mirror:
-        normal = np.asarray(plane.normal)
-        return Mirror(normal, float((plane.offset - normal @ self._middle) / self.size))
-
-
-def _rounded(values: Float64) -> Float64:
-    return np.round(values * GRID) / GRID
 
 
 def _places(nodes: Nodes, body: Body, inside: Bool, center: Float64) -> tuple[Int64, Int64]:
@@ -217,7 +197,7 @@ def _places(nodes: Nodes, body: Body, inside: Bool, center: Float64) -> tuple[In
         first[inside] = np.flatnonzero(inside)
     own = np.flatnonzero(nodes.used & (first == np.arange(len(first))))
     apart = np.linalg.norm(center[own], axis=1)
-    own = own[np.lexsort(_rounded(np.column_stack([center[own], apart])).T)]
+    own = own[np.lexsort(rounded(np.column_stack([center[own], apart])).T)]
     place = np.full(len(first), -1)
     place[own] = np.arange(len(own))
     return place[first], own
@@ -226,7 +206,7 @@ def _places(nodes: Nodes, body: Body, inside: Bool, center: Float64) -> tuple[In
 def _central_vertices(mesh: Mesh, nodes: Nodes, size: float) -> Int64:
     """Return the vertex (N,) nearest to the center of each mesh node."""
     members = nodes.members
-    apart = _rounded(np.linalg.norm(mesh.vertices[members] - nodes.center[nodes.of_vertex[members]], axis=1) / size)
+    apart = rounded(np.linalg.norm(mesh.vertices[members] - nodes.center[nodes.of_vertex[members]], axis=1) / size)
     least = np.repeat(np.minimum.reduceat(apart, nodes.starts), nodes.ends - nodes.starts)
     nearest = np.flatnonzero(apart == least)
     return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
@@ -273,27 +253,6 @@ def _pieces(of_seed: Int64, things: Int64, area: Float64) -> tuple[Int64, Int64,
     return number[of_place.ravel()], seed, rows[kept, 1:]
 
 
-def _orbits_of_patches(
-    orbit: Int64, seed_of_patch: Int64, center: Float64, spacing: float, mirrors: Sequence[Mirror]
-) -> Int64:
-    """Return the orbit (P,) of each patch, from the orbits (S,) of seeds and the seed (P,) of each patch, or −1.
-
-    A patch without a seed has the orbit of the patches that are mirror images of it.
-    """
-    alone = np.flatnonzero(seed_of_patch < 0)
-    found = np.append(orbit, 0)[seed_of_patch]
-    if len(alone):
-        tree, pairs = cKDTree(center[alone]), [np.zeros((2, 0), np.int64)]
-        for mirror in mirrors:
-            apart, image = tree.query(mirror.image(center[alone]))
-            mutual = np.flatnonzero((apart < spacing / 4) & (image[image] == np.arange(len(alone))))
-            pairs.append(np.stack([mutual, image[mutual]]))
-        ends = np.concatenate(pairs, axis=1)
-        graph = csr_array((np.ones(ends.shape[1]), tuple(ends)), shape=(len(alone), len(alone)))
-        found[alone] = len(orbit) + connected_components(graph, directed=False)[1]
-    return np.unique(found, return_inverse=True)[1]
-
-
 def _area_and_middle(mesh: Mesh, body: Body) -> tuple[float, Float64]:
     """Return the area of a body, in squared mesh units, and the centroid (3,) of its surface.
 
@@ -334,7 +293,7 @@ def _surface(
             lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
     joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     # Sums depend on the order of the faces by rounding errors, so they are rounded.
-    return _rounded(areas * GRID) / GRID, _rounded(normals * GRID) / GRID, joined, _rounded(length)
+    return rounded(areas * GRID) / GRID, rounded(normals * GRID) / GRID, joined, rounded(length)
 
 
 def _smoothed(normal: Float64, pairs: Int64) -> Float64:
@@ -365,90 +324,3 @@ def _links(graph: csr_array, pairs: Int64) -> Int64:
     row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
     key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
     return np.stack(np.divmod(key, count), axis=1)
-
-
-def _commuting(planes: Sequence[SymmetryPlane]) -> list[SymmetryPlane]:
-    """Return the first of `planes` and those perpendicular to it and to each other; their reflections commute."""
-    kept: list[SymmetryPlane] = []
-    for plane in planes:
-        if all(abs(np.dot(plane.normal, other.normal)) < UPRIGHT for other in kept):
-            kept.append(plane)
-    return kept
-
-
-def _mapped(mirror: Mirror, tree: cKDTree, area: Float64, spacing: float) -> float:
-    """Return the share of the surface whose mirror image lies on the surface."""
-    apart = tree.query(mirror.image(np.asarray(tree.data)), distance_upper_bound=spacing / 2)[0]
-    return float(area[np.isfinite(apart)].sum())
-
-
-def _orbits(places: Float64, tree: cKDTree, spacing: float, mirrors: Sequence[Mirror]) -> tuple[Int64, Int64]:
-    """Return the seeds (P,) of patches, which are indices of `places` (M, 6), and the orbit (P,) of each seed.
-
-    Farthest-point sampling chooses seeds on one side of all planes. Their mirror images are the other seeds. `tree` is
-    the search tree of the positions of the places.
-    """
-    center, near = places[:, :3], NEAR * spacing
-    half = np.ones(len(places), bool)
-    for mirror in mirrors:
-        half &= mirror.height(center) > -spacing / 4
-    own = np.flatnonzero(half)
-    chosen = own[_farthest_points(places[own], [0], near, MOST >> len(mirrors))]  # the first place is in the middle
-    of_seed: dict[int, int] = {}
-    for orbit, seed in enumerate(chosen.tolist()):
-        images = [center[seed]]
-        for mirror in mirrors:
-            images += [mirror.image(point) for point in images]
-        apart, nearest = tree.query(np.array(images))
-        members: list[int] = []
-        for image in nearest[apart < spacing / 2].tolist():
-            if all(np.linalg.norm(places[image] - places[other]) > near / 2 for other in members):
-                members.append(image)
-                of_seed.setdefault(image, orbit)
-    # Places whose mirror images lie off the surface get seeds of their own.
-    for seed in _farthest_points(places, list(of_seed), near, MOST)[len(of_seed) :].tolist():
-        of_seed[seed] = len(chosen) + seed
-    return np.array(list(of_seed)), np.unique(list(of_seed.values()), return_inverse=True)[1]
-
-
-def _symmetric(patch: Int64, tree: cKDTree, seeds: Float64, mirrors: Sequence[Mirror]) -> Int64:
-    """Return `patch` (M,), the patch of each place, made symmetric where the places are exact mirror images.
-
-    `tree` is the search tree of the positions of the places, and `seeds` (P, 3) are the positions of the seeds.
-    """
-    center, of_seed = np.asarray(tree.data), cKDTree(seeds)
-    for mirror in mirrors:
-        below = np.flatnonzero(mirror.height(center) < 0)
-        apart, image = tree.query(mirror.image(center[below]))
-        offset, mate = of_seed.query(mirror.image(seeds))
-        exact = (apart < SAME) & (offset[patch[image]] < SAME)
-        patch[below[exact]] = mate[patch[image[exact]]]
-    return patch
-
-
-def _farthest_points(points: Float64, first: Sequence[int], near: float, most: int) -> Int64:
-    """Return the indices `first`, and more of `points` (N, D), each farthest from those before.
-
-    The result (K,) ends if no point is farther than `near` from all others in it.
-    """
-    tree, chosen = cKDTree(points), list(first)
-    apart = _rounded(cKDTree(points[chosen]).query(points)[0])
-    while len(chosen) < most and apart.max() >= near:
-        farthest = int(apart.argmax())
-        chosen.append(farthest)
-        # Only points within the largest distance can come nearer.
-        some = np.array(tree.query_ball_point(points[farthest], apart[farthest]))
-        apart[some] = np.minimum(apart[some], _rounded(np.linalg.norm(points[some] - points[farthest], axis=1)))
-    return np.array(chosen)
-
-
-def _nearest_seed(graph: csr_array, seeds: Int64, center: Float64) -> Int64:
-    """Return the index of the seed nearest to each place, (M,), along the surface; in space if there is no path."""
-    _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
-    number = np.full(len(center), -1)
-    number[seeds] = np.arange(len(seeds))
-    found = np.where(source >= 0, number[np.maximum(source, 0)], -1)
-    lost = found < 0
-    if lost.any():
-        found[lost] = cKDTree(center[seeds]).query(center[lost])[1]
-    return found

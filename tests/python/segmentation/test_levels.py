@@ -8,7 +8,7 @@ from test_alike import Row, run
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
-from dfd.segmentation.levels import components_at
+from dfd.segmentation.levels import Ladder
 from dfd.segmentation.parts import Parts
 
 FOLLOW = ("all", "mirror", "none")
@@ -38,23 +38,23 @@ RUNGS = [run(2, 6), run(0, 10), run(0, 20)]
 
 def test_a_larger_level_keeps_the_components_of_the_smaller_one():
     alike = Rungs({(0, 10): [((30, 40), 0.9), ((60, 70), 0.9)], (0, 20): [((28, 48), 0.9), ((80, 99), 0.9)]})
-    assert ends(components_at(alike, RUNGS, 1, 0, "all")) == [(0, 10), (30, 40), (60, 70)]
-    assert ends(components_at(alike, RUNGS, 1, 1, "all")) == [(0, 20), (28, 48), (80, 99), (60, 70)]
-    assert ends(components_at(alike, RUNGS, 1, 1, "none")) == [(0, 20)]
+    assert ends(Ladder(alike, RUNGS, 1).components(0, "all")) == [(0, 10), (30, 40), (60, 70)]
+    assert ends(Ladder(alike, RUNGS, 1).components(1, "all")) == [(0, 20), (28, 48), (80, 99), (60, 70)]
+    assert ends(Ladder(alike, RUNGS, 1).components(1, "none")) == [(0, 20)]
 
 
 def test_a_component_that_no_region_contains_grows_or_joins_the_region_that_cuts_it():
     grows = Rungs({(0, 10): [((30, 40), 0.9)], (0, 20): [((35, 55), 0.99), ((28, 48), 0.9)]})
-    assert ends(components_at(grows, RUNGS, 1, 1, "all")) == [(0, 20), (28, 48)], "no region cuts a component"
+    assert ends(Ladder(grows, RUNGS, 1).components(1, "all")) == [(0, 20), (28, 48)], "no region cuts a component"
     cut = Rungs({(0, 10): [((15, 25), 0.9)]})
-    assert ends(components_at(cut, RUNGS, 1, 1, "all")) == [(0, 25)]
+    assert ends(Ladder(cut, RUNGS, 1).components(1, "all")) == [(0, 25)]
 
 
 def test_a_smaller_level_has_only_regions_inside_the_components_of_the_larger_one():
     inside = {(0, 10): [((30, 40), 0.9)], (2, 6): [((32, 36), 0.9), ((7, 10), 0.9), ((38, 42), 0.9), ((50, 54), 0.9)]}
-    assert ends(components_at(Rungs(inside), RUNGS, 1, -1, "all")) == [(2, 6), (32, 36), (7, 10)]
+    assert ends(Ladder(Rungs(inside), RUNGS, 1).components(-1, "all")) == [(2, 6), (32, 36), (7, 10)]
     across = {(0, 10): [((30, 40), 0.9), ((40, 50), 0.9)], (2, 6): [((38, 42), 0.9)]}
-    assert ends(components_at(Rungs(across), RUNGS, 1, -1, "all")) == [(2, 6)], "a region lies in one component"
+    assert ends(Ladder(Rungs(across), RUNGS, 1).components(-1, "all")) == [(2, 6)], "a region lies in one component"
 
 
 @pytest.mark.parametrize("name", ["quadruped", "robot", "chair"])

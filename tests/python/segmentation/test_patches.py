@@ -6,7 +6,8 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 import dfd
-from dfd.segmentation.patches import Mirror, Patches, _nearest_seed, _orbits_of_patches, _pieces, _symmetric
+from dfd.segmentation.patches import Patches, _pieces
+from dfd.segmentation.seeds import Mirror, nearest_seed, orbits_of_patches, symmetric
 
 
 def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
@@ -15,7 +16,7 @@ def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
     one = np.arange(5)
     lengths = np.linalg.norm(center[one] - center[one + 1], axis=1)
     graph = csr_array((lengths, (one, one + 1)), shape=(7, 7))
-    np.testing.assert_array_equal(_nearest_seed(graph + graph.T, np.array([2, 0]), center), [1, 0, 0, 0, 0, 0, 1])
+    np.testing.assert_array_equal(nearest_seed(graph + graph.T, np.array([2, 0]), center), [1, 0, 0, 0, 0, 0, 1])
 
 
 def test_things_without_seeds_get_patches_of_their_own_until_there_are_too_many(monkeypatch):
@@ -36,9 +37,9 @@ def test_mirror_images_without_seeds_have_an_orbit_of_their_own():
     """The patches 3 and 4 are mirror images in the plane x = 0, and patch 5 has none."""
     center = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (2, 1, 0), (-2.01, 1, 0), (3, 1, 0)], float)
     mirrors = [Mirror(np.array([1.0, 0, 0]), 0.0)]
-    found = _orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.1, mirrors)
+    found = orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.1, mirrors)
     assert found.tolist() == [0, 0, 1, 2, 2, 3]
-    found = _orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.02, mirrors)
+    found = orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.02, mirrors)
     assert found.tolist() == [0, 0, 1, 2, 3, 4]
 
 
@@ -46,10 +47,10 @@ def test_places_that_are_mirror_images_belong_to_seeds_that_are_mirror_images():
     """The places 0 and 1, and 2 and 3, are mirror images in the plane x = 0. Place 4 is the image of none."""
     center = np.array([(1, 0, 0), (-1, 0, 0), (2, 0, 0), (-2, 0, 0), (-3, 0.5, 0), (0, 0, 0)], float)
     mirror, seeds = Mirror(np.array([1.0, 0, 0]), 0.0), center[[2, 3, 5]]
-    found = _symmetric(np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds, [mirror])
+    found = symmetric(np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds, [mirror])
     assert found.tolist() == [0, 1, 0, 1, 1, 2]
     # Without an exact mirror image of its seed, a place keeps its patch.
-    found = _symmetric(
+    found = symmetric(
         np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds + [(0.1, 0, 0), (0, 0, 0), (0, 0, 0)], [mirror]
     )
     assert found.tolist() == [0, 2, 0, 1, 1, 2]

@@ -20,7 +20,7 @@ from dfd.app.options import SAMPLE_FIELDS
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.segmentation.alike import POSSIBLE
-from dfd.segmentation.choose import probabilities
+from dfd.segmentation.choose import candidates, ladder, probabilities
 from dfd.segmentation.parts import Parts
 
 RECORDED = Path(__file__).parent / "recorded"
@@ -74,23 +74,24 @@ SHAPES = {
 
 def found_at(parts, vertex):
     """Return numbers about the parts at a vertex, and about the likely part there."""
-    candidates, rungs, middle = parts._ladder(int(parts._patches.of_vertex[vertex]))
+    found = candidates(parts._trees, int(parts._patches.of_vertex[vertex]))
+    rungs, middle = ladder(found, parts._patches.area)
     chosen = rungs[middle]
     by_level = [parts.part(vertex, level) for level in LEVELS]
-    followers = parts._alike.followers(candidates.regions[chosen], least=POSSIBLE)
+    followers = parts._alike.followers(found.regions[chosen], least=POSSIBLE)
     return {
         "levels": parts.levels(vertex),
-        "candidates": len(candidates.regions),
-        "clear": bool(candidates.clear),
-        "votes": int(candidates.votes[chosen]),
+        "candidates": len(found.regions),
+        "clear": bool(found.clear),
+        "votes": int(found.votes[chosen]),
         "shares": [each.share for each in by_level],
         "vertices": [int(each.mask.sum()) for each in by_level],
         "components": [each.components for each in by_level],
         "alone": parts.part(vertex, follow="none").share,
         "followers": sorted(each.probability for each in followers),
         "mirrored": parts.part(vertex, follow="mirror").share,
-        "cues": candidates.cues[chosen].tolist(),
-        "likely": float(probabilities(candidates)[chosen]),
+        "cues": found.cues[chosen].tolist(),
+        "likely": float(probabilities(found)[chosen]),
     }
 
 
