@@ -21,6 +21,7 @@ from .measure import Timing, copying, product, reading, together
 
 COLUMNS = ("call", "best ms", "median ms", "spread ms", "other call", "its best ms", "ratio", "largest allowed", "met")
 GRADIENTS = ((100_000, 1), (100_000, 100), (1_000_000, 10))  # numbers of vertices and handles, of the default size
+SIZES = (0.2, 1, 2)  # numbers of vertices for a single handle, as multiples of the default size
 TORCH_VERTICES = 200_000  # largest number of vertices for torch, which needs much memory
 
 Row = list[Any]
@@ -43,6 +44,9 @@ def main() -> None:
 def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[Row]:
     """Yield the rows of the table; their cells are in the order of `COLUMNS`."""
     made = make_input(vertex_count)
+    for size in SIZES:
+        yield from _reading(make_input(int(size * vertex_count)))
+    yield _against_numpy(min(torch_vertices, vertex_count))
     yield from _binding(made)
     yield from _against_torch(make_input(min(torch_vertices, vertex_count)))
     yield from _posing(made)
@@ -50,19 +54,46 @@ def lines(vertex_count: int, torch_vertices: int = TORCH_VERTICES) -> Iterator[R
         yield from _differentiating(vertices * vertex_count // VERTICES, handles)
 
 
+def _reading(made: MadeInput) -> Iterator[Row]:
+    """Time bind with a single handle, compared with reading the features, compact and full."""
+    full, size = made.features(TORCH_VERTICES), f"{len(made.vertices):,} vertices"
+    compact = f"bind 1, {made.compact.precision}, {made.compact.dimensions} dimensions, {size}"
+    wide = f"bind 1, D = {full.shape[1]}, float32, {len(full):,} vertices"
+    out = np.empty((len(full), 1), np.float32)
+    calls = {
+        compact: made.binding(1),
+        "reading the compact features": reading(made.compact.blocks),
+        wide: partial(dfd.bind, full, made.handles(1), out=out),
+        "reading the features": reading(full),
+    }
+    timings = together(calls, most=1000)
+    yield _row(timings, compact, "reading the compact features", 1 / 0.8)
+    yield _row(timings, wide, "reading the features", 1 / 0.8)
+
+
+def _against_numpy(count: int, dimension: int = 64) -> Row:
+    """Time bind with features that are not compact, and the shortest code in NumPy."""
+    rows = np.random.default_rng(0).standard_normal((count, dimension), dtype=np.float32) / np.float32(8)
+
+    def numpy() -> Float32:
+        squares = np.einsum("ij,ij->i", rows, rows) + rows[0] @ rows[0] - 2 * (rows @ rows[0])
+        return np.maximum(1 - np.sqrt(np.maximum(squares, 0)), 0)
+
+    one = f"bind 1, D = {dimension}, float32, {count:,} vertices"
+    return _row(together({one: partial(dfd.bind, rows, [0]), "NumPy": numpy}), one, "NumPy", 1.0)
+
+
 def _binding(made: MadeInput) -> Iterator[Row]:
-    compact, constrained = made.compact, "bind 10 + 3 fixed + locality"
-    one = f"bind 1 ({compact.precision}, {compact.dimensions} dimensions)"
+    constrained = "bind 10 + 3 fixed + locality"
+    one = "bind 1"
     calls = {
         one: made.binding(1),
         "bind 10": made.binding(10),
         "bind 100": made.binding(100),
         constrained: made.binding(10, constrained=True),
-        "reading the features": reading(compact.blocks),
-        "torch's product": product(len(made.vertices), compact.dimensions, 100),
+        "torch's product": product(len(made.vertices), made.compact.dimensions, 100),
     }
     timings = together(calls, seconds=2.0, most=1000)
-    yield _row(timings, one, "reading the features", 1 / 0.85)
     yield _row(timings, "bind 10", one)
     yield _row(timings, constrained, one, 2.5)
     yield _row(timings, "bind 100", "torch's product", 1.0)

@@ -11,8 +11,8 @@ constexpr std::size_t width = lanes<float>;    // number of floats in a vector
 constexpr std::size_t parts = vectors<float>;  // number of vectors for one float per vertex of a block
 constexpr std::size_t chunk = 128;             // number of terms in a partial sum; short sums have small errors
 
-// Bytes that are prefetched ahead of those that are read. `python -m bench.speed` with 100,000 to 1,000,000 vertices
-// chose this number from 0, 2, 4, 8 and 16 KiB, for bytes and for rows of 64 and 384 floats.
+// For a single handle, bytes are prefetched this far ahead of those that are read. `python -m bench.speed` with 100,000 to
+// 1,000,000 vertices chose this number from 0, 2, 4, 8 and 16 KiB, for bytes and for rows of 64 and 384 floats.
 constexpr std::size_t single_ahead = 8192;
 
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
@@ -131,8 +131,8 @@ private:
 template <std::size_t Blocks = 1>
 class BytePanel {
 public:
-    BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale)
-        : panel_(panel), quads_(dimension / 4), scale_(scale)
+    BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale, std::size_t ahead = 0)
+        : panel_(panel), quads_(dimension / 4), scale_(scale), ahead_(ahead)
     {
     }
 
@@ -189,7 +189,7 @@ private:
 #pragma GCC unroll 2
             for (std::size_t block = 0; block < Blocks; ++block) {
                 // Lines are prefetched in the order of memory, because another order slows down the hardware.
-                if constexpr (Blocks > 1) __builtin_prefetch(panel_ + single_ahead + (k * Blocks + block) * 64);
+                if constexpr (Blocks > 1) __builtin_prefetch(panel_ + ahead_ + (k * Blocks + block) * 64);
                 for (std::size_t part = 0; part < parts; ++part) entry[block][part] = load<Int>(at(block, k, part));
             }
 #pragma GCC unroll 16
@@ -206,6 +206,7 @@ private:
     const std::uint8_t* panel_;
     std::size_t quads_;
     float scale_;
+    std::size_t ahead_;  // bytes to the lines that a panel of several blocks prefetches
 };
 
 }  // namespace

@@ -12,8 +12,11 @@ namespace {
 // The entries of a block of rows (16, D) of floats.
 class RowBlock {
 public:
-    RowBlock(const BindJob& job, std::size_t begin)
-        : rows_(static_cast<const float*>(job.features) + begin * job.dimension), dimension_(job.dimension)
+    static constexpr std::size_t entry_bytes = sizeof(float), blocks_ahead = 1;
+
+    RowBlock(const BindJob& job, std::size_t begin, std::size_t ahead)
+        : rows_(static_cast<const float*>(job.features) + begin * job.dimension), dimension_(job.dimension),
+          ahead_(ahead)
     {
     }
 
@@ -33,19 +36,21 @@ public:
     // rows, so the bytes are prefetched in the order of memory, beyond the next block.
     DFD_INLINE void prefetch_entries(std::size_t k) const
     {
-        prefetch(rows_ + (dimension_ + k) * block_size, single_ahead, block_size * width * sizeof(float));
+        prefetch(rows_ + k * block_size, ahead_, block_size * width * sizeof(float));
     }
 
 private:
     const float* rows_;
-    std::size_t dimension_;
+    std::size_t dimension_, ahead_;
 };
 
 // The entries of a block (D, 16) of float16.
 class HalfBlock {
 public:
-    HalfBlock(const BindJob& job, std::size_t begin)
-        : halves_(static_cast<const std::uint16_t*>(job.features) + begin * job.dimension)
+    static constexpr std::size_t entry_bytes = sizeof(std::uint16_t), blocks_ahead = 0;
+
+    HalfBlock(const BindJob& job, std::size_t begin, std::size_t ahead)
+        : halves_(static_cast<const std::uint16_t*>(job.features) + begin * job.dimension), ahead_(ahead)
     {
     }
 
@@ -61,11 +66,12 @@ public:
 
     DFD_INLINE void prefetch_entries(std::size_t k) const
     {
-        prefetch(halves_ + k * block_size, single_ahead, block_size * width * sizeof *halves_);
+        prefetch(halves_ + k * block_size, ahead_, block_size * width * sizeof *halves_);
     }
 
 private:
     const std::uint16_t* halves_;
+    std::size_t ahead_;
 };
 
 // Calls `add(sum, k, entries)` for `count` entries from k = `begin` on, of the vertices in one part of a block. `sum`
@@ -138,17 +144,22 @@ DFD_INLINE bool float_squares(const BindJob& job, const FloatBlock& block, Block
 }
 
 // Computes the weights of the first vertices of a range, up to a multiple of `Blocks` blocks, and returns the number of
-// these vertices. `measure(begin, squares)` computes the squared distances of the blocks from vertex `begin` on.
+// these vertices. `measure(begin, ahead, squares)` computes the squared distances of the blocks from vertex `begin` on,
+// and prefetches `ahead` bytes ahead, which is beyond the next `skipped` blocks of `block_bytes` bytes. At the end of the
+// features, `ahead` is 0, because prefetches of addresses without memory take long.
 template <std::size_t Blocks, class Measure>
-DFD_INLINE std::size_t bind_blocks_of_one(float* weights, std::size_t begin, std::size_t end, const Measure& measure)
+DFD_INLINE std::size_t bind_blocks_of_one(const BindJob& job, std::size_t begin, std::size_t end,
+                                          std::size_t block_bytes, std::size_t skipped, const Measure& measure)
 {
     const std::size_t count = (end - begin) / (Blocks * block_size) * (Blocks * block_size);
+    const std::size_t ahead = skipped * block_bytes + single_ahead;
+    const std::size_t margin = (ahead / block_bytes + Blocks + 1) * block_size;
     for (std::size_t i = begin; i < begin + count; i += Blocks * block_size) {
         Block squares[Blocks];
-        measure(i, squares);
+        measure(i, i + margin <= job.vertex_count ? ahead : 0, squares);
         for (std::size_t block = 0; block < Blocks; ++block)
             for (std::size_t part = 0; part < parts; ++part)
-                store(weights + i + block * block_size + part * width,
+                store(job.weights + i + block * block_size + part * width,
                       maximum(1.0f - sqrt(squares[block].part[part]), splat(0.0f)));
     }
     return count;
@@ -166,9 +177,11 @@ __attribute__((noinline)) FirstWeights bind_one_float(const BindJob& shared_job,
 {
     const BindJob job = shared_job;  // a local copy, so that stores cannot alias it
     bool suspect = false;
+    const std::size_t bytes = job.dimension * block_size * FloatBlock::entry_bytes;
     const std::size_t count = bind_blocks_of_one<1>(
-        job.weights, begin, end, [&](std::size_t i, Block* squares) __attribute__((always_inline)) {
-        suspect |= float_squares(job, FloatBlock(job, i), *squares);
+        job, begin, end, bytes, FloatBlock::blocks_ahead,
+        [&](std::size_t i, std::size_t ahead, Block* squares) __attribute__((always_inline)) {
+        suspect |= float_squares(job, FloatBlock(job, i, ahead), *squares);
     });
     return {count, suspect ? features_suspect : no_fault};
 }
@@ -179,8 +192,9 @@ __attribute__((noinline)) FirstWeights bind_one_bytes(const BindJob& shared_job,
     const BindJob job = shared_job;
     const auto* bytes = static_cast<const std::uint8_t*>(job.features);
     const std::size_t count = bind_blocks_of_one<together>(
-        job.weights, begin, end, [&](std::size_t i, Block* squares) __attribute__((always_inline)) {
-        const BytePanel<together> panel(bytes + i * (job.dimension + 4), job.dimension, job.scale);
+        job, begin, end, (job.dimension + 4) * block_size, 0,
+        [&](std::size_t i, std::size_t ahead, Block* squares) __attribute__((always_inline)) {
+        const BytePanel<together> panel(bytes + i * (job.dimension + 4), job.dimension, job.scale, ahead);
         panel.template squared_distances<1>(job.points, 0, squares);
     });
     return {count, no_fault};

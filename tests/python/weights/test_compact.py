@@ -59,6 +59,22 @@ def test_features_with_large_numbers_are_compact_where_8_bits_are_enough():
     np.testing.assert_array_equal(dfd.bind(compact, [0])[:, 0] > 0, np.arange(200) < 50)
 
 
+def test_few_formats_are_tried_for_many_dimensions(monkeypatch):
+    rows = np.random.default_rng(0).standard_normal((700, 640)).astype(np.float32)  # vary along no direction more
+    tried = []
+    rotate = np.linalg.qr
+
+    def counted(matrix):
+        tried.append(len(matrix))
+        return rotate(matrix)
+
+    monkeypatch.setattr(np.linalg, "qr", counted)
+    compact = dfd.compact(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    assert len(tried) <= 2
+    assert min(tried) > 200
+    assert compact.error <= 0.01
+
+
 @pytest.fixture(scope="module", params=["int8", "float16"])
 def compact(request):
     result = dfd.compact(FEATURES, tolerance={"int8": 0.05, "float16": 0.002}[request.param])
