@@ -15,11 +15,16 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.coarse import Nodes
 
+# Measured with 72 pulls and turns at random places of six models of 9 to 97 pieces (a chair, a truck, a tank, a crab, a
+# person, a robot), as the share of vertices that move, and the median of the largest stretch of an edge.
+#
 # A region outside the part hangs on the part if its area is below STAYS times that of the largest region outside, or
-# below HANGS times that of the part.
+# below HANGS times that of the part. At level 0, without STAYS 0.27 of the vertices move, with 0.3 to 0.8 always 0.31.
+# At level 1 of four of them, the stretch is 3.1 without HANGS, 1.6 with 0.05 and 1.4 with 0.2; 0.51, 0.59, 0.62 move.
 STAYS, HANGS = 0.5, 0.05
 # A touched piece stretches in place of the component if its area is below SMALLER times that of the component. So the
-# legs of a table stretch, both if one of them is pulled and if the top is pulled.
+# legs of a table stretch, both if one of them is pulled and if the top is pulled. The stretch is 2.4 with 0, 3.6 with
+# 0.5 or 0.9, and 3.5 with 2; 0.28, 0.31 and 0.35 move.
 SMALLER = 0.9
 
 
