@@ -12,10 +12,33 @@ from dfd.segmentation.trees import Trees
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
+FINEST = -4  # lowest level of the parts that handles find, if a cut should have more parts
 
 
-def cut_labels(trees: Trees) -> Int64:
-    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most."""
+def cut_labels(trees: Trees, count: int | None = None) -> Int64:
+    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most.
+
+    If `count` is given, handles find smaller parts until there are as many, and then the smallest parts join others.
+    """
+    label = _labels(trees, 0)
+    for level in range(-1, FINEST - 1, -1):
+        if count is None or len(np.unique(label)) >= count:
+            break
+        finer = _labels(trees, level)
+        if len(np.unique(finer)) > len(np.unique(label)):
+            label = finer
+    while count is not None and len(np.unique(label)) > count:
+        area = np.bincount(label, trees.patches.area)
+        sizes = {number: area[number] for number in np.unique(label) if _beside(trees, label, number) is not None}
+        if not sizes:
+            break
+        small = min(sizes, key=sizes.__getitem__)
+        label[label == small] = _beside(trees, label, small)
+    return label
+
+
+def _labels(trees: Trees, level: int) -> Int64:
+    """Return the part of each patch, (P,), for parts at a level."""
     patches = trees.patches
     handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
     alike, groups = Alike(trees), list[list[Bool]]()  # the components of each part
@@ -23,7 +46,7 @@ def cut_labels(trees: Trees) -> Int64:
     for row, handle in enumerate(handles.tolist()):
         found = candidates(trees, handle)
         rungs, middle = ladder(found, patches.area)
-        chosen = rungs[middle]
+        chosen = rungs[max(middle + level, 0)]
         region = found.regions[chosen]
         same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
@@ -65,9 +88,17 @@ def _without_fragments(trees: Trees, label: Int64) -> Int64:
     for small in sorted(set(label.tolist()), key=lambda number: patches.area[label == number].sum()):
         if patches.area[label == small].sum() >= LEAST_AREA:
             break
-        ends = label[patches.borders.pairs]
-        between = (ends == small).any(axis=1) & (ends[:, 0] != ends[:, 1])
-        if between.any():
-            beside = ends[between].sum(axis=1) - small
-            label[label == small] = np.bincount(beside, patches.borders.length[between] + TINY).argmax()
+        beside = _beside(trees, label, small)
+        if beside is not None:
+            label[label == small] = beside
     return label
+
+
+def _beside(trees: Trees, label: Int64, part: int) -> int | None:
+    """Return the part that a part touches most; None if it touches none."""
+    borders = trees.patches.borders
+    ends = label[borders.pairs]
+    between = (ends == part).any(axis=1) & (ends[:, 0] != ends[:, 1])
+    if not between.any():
+        return None
+    return int(np.bincount(ends[between].sum(axis=1) - part, borders.length[between] + TINY).argmax())

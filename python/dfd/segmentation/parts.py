@@ -123,15 +123,19 @@ class Parts:
         rungs, middle = self._ladder(int(self._patches.of_vertex[self._vertex(at)]))[1:]
         return -middle, len(rungs) - 1 - middle
 
-    def cut(self, *, instances: bool = False) -> list[Part]:
+    def cut(self, count: int | None = None, *, instances: bool = False) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 
-        Counterparts belong to the same part. With `instances`, each of them is a part of its own: four legs are four
-        parts. The parts are those that handles hold at places all over the surface.
+        `count` is a number of parts to aim at, at least 1. If there are fewer parts, they are divided, as far as lower
+        levels have smaller parts. If there are more, the smallest ones join the parts that they touch most.
 
-        Raises ValueError if no face has an area above 0.
+        Counterparts belong to the same part. With `instances`, each of them is a part of its own: four legs are four
+        parts, and count as one. The parts are those that handles hold at places all over the surface.
+
+        Raises ValueError if no face has an area above 0, or `count` is below 1.
         """
-        patches, label = self._patches, cut_labels(self._trees)
+        wanted = None if count is None else check.whole("Parts.cut", "count", count, minimum=1)
+        patches, label = self._patches, cut_labels(self._trees, wanted)
         masks = label == np.unique(label)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # `snapped` moves borders to creases. Places that it puts into no part or several parts keep their patch's part.
