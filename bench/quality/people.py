@@ -10,6 +10,7 @@ or with everything that it cuts off from the largest rest of the surface, whiche
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,9 @@ LEGEND = {
     "another person": "the same for the segments of the other people at this place, as a mean over these people",
     "at least 0.7": "fraction of places where level 0 has an IoU of at least 0.7",
     "random features": "level 0 for features that are cosines of the position, without any encoder",
+    "Rand": "distance of the whole cut, with instances, from each person's (1 − Rand index): the fraction of pairs of"
+    " faces that are in one part of one cut, and in two parts of the other",
+    "people: Rand": "the same distance among the people",
     "small: …": f"the same numbers for segments with less than {SMALL:.0%} of the surface",
 }
 
@@ -89,7 +93,8 @@ def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
     areas = face_areas(mesh.vertices, mesh.faces)
     drawn = list(places(shape, areas))
     planes = symmetry_planes(mesh, field)
-    found = _levels(Parts(mesh, field.on(mesh).rows, lambda: planes), mesh, areas, drawn)
+    parts = Parts(mesh, field.on(mesh).rows, lambda: planes)
+    found = _levels(parts, mesh, areas, drawn)
     random = _levels(Parts(mesh, waves(mesh), lambda: planes), mesh, areas, drawn, steps=0)[:, 0]
     small = np.array([areas[place.flat].sum() / areas.sum() for place in drawn]) < SMALL
     rows = {
@@ -100,10 +105,27 @@ def judged(shape: PeopleShape, field: dfd.Field) -> dict[str, float]:
         "at least 0.7": (found[:, STEPS] >= 0.7).astype(np.float64),
         "random features": random,
     }
-    numbers = {name: float(row.mean()) for name, row in rows.items()}
+    numbers = {name: float(row.mean()) for name, row in rows.items()} | _whole(shape, parts)
     return numbers | {
         f"small: {name}": float(row[small].mean()) if small.any() else np.nan for name, row in rows.items()
     }
+
+
+def _whole(shape: PeopleShape, parts: Parts) -> dict[str, float]:
+    """Return the mean distance of the whole cut from the people's, and the mean distance between two people."""
+    assert shape.segments is not None
+    own, people = parts.face_labels(parts.cut(instances=True)), list(shape.segments)
+    among = [rand_distance(one, other) for one, other in combinations(people, 2)]
+    ours = [rand_distance(own, each) for each in people]
+    return {"Rand": float(np.mean(ours)), "people: Rand": float(np.mean(among)) if among else np.nan}
+
+
+def rand_distance(one: Int64, other: Int64) -> float:
+    """Return the fraction of pairs of N faces on which two labelings (N,) disagree, whether both are in one part."""
+    both = np.unique(np.stack([one, other]), axis=1, return_counts=True)[1].astype(np.float64)
+    alone = [np.unique(each, return_counts=True)[1].astype(np.float64) for each in (one, other)]
+    differ = sum(float((counts**2).sum()) for counts in alone) - 2 * float((both**2).sum())
+    return differ / (len(one) * (len(one) - 1)) if len(one) > 1 else 0.0
 
 
 def _levels(parts: Parts, mesh: dfd.Mesh, areas: Float64, places: list[Place], steps: int = STEPS) -> Float64:

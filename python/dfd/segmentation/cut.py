@@ -1,5 +1,7 @@
 """Divide the whole shape into parts: each patch belongs to the part that a handle there holds."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
@@ -12,10 +14,30 @@ from dfd.segmentation.trees import Trees
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
+FINEST = -4  # lowest level of the parts that handles find, if a cut should have more parts
 
 
-def cut_labels(trees: Trees) -> Int64:
-    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most."""
+def aimed(trees: Trees, cut_at: Callable[[int], Int64], count: int) -> Int64:
+    """Return the part of each patch, (P,), in a cut that has `count` parts, if possible.
+
+    `cut_at` is `cut_labels` as a function of the level. Handles find smaller parts until there are as many parts, and
+    then the smallest parts join others.
+    """
+    cuts = [cut_at(0)]
+    while len(np.unique(cuts[-1])) < count and len(cuts) <= -FINEST:
+        cuts.append(cut_at(-len(cuts)))
+    label = max(cuts, key=lambda each: len(np.unique(each))).copy()
+    while len(numbers := np.unique(label)) > count:
+        joined = {number: other for number in numbers if (other := _beside(trees, label, number)) is not None}
+        if not joined:
+            break
+        small = min(joined, key=np.bincount(label, trees.patches.area).__getitem__)
+        label[label == small] = joined[small]
+    return label
+
+
+def cut_labels(trees: Trees, level: int = 0) -> Int64:
+    """Return the part of each patch, (P,): parts at a level. A part that is too small joins the one it touches most."""
     patches = trees.patches
     handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
     alike, groups = Alike(trees), list[list[Bool]]()  # the components of each part
@@ -23,7 +45,7 @@ def cut_labels(trees: Trees) -> Int64:
     for row, handle in enumerate(handles.tolist()):
         found = candidates(trees, handle)
         rungs, middle = ladder(found, patches.area)
-        chosen = rungs[middle]
+        chosen = rungs[max(middle + level, 0)]
         region = found.regions[chosen]
         same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
@@ -65,9 +87,17 @@ def _without_fragments(trees: Trees, label: Int64) -> Int64:
     for small in sorted(set(label.tolist()), key=lambda number: patches.area[label == number].sum()):
         if patches.area[label == small].sum() >= LEAST_AREA:
             break
-        ends = label[patches.borders.pairs]
-        between = (ends == small).any(axis=1) & (ends[:, 0] != ends[:, 1])
-        if between.any():
-            beside = ends[between].sum(axis=1) - small
-            label[label == small] = np.bincount(beside, patches.borders.length[between] + TINY).argmax()
+        beside = _beside(trees, label, small)
+        if beside is not None:
+            label[label == small] = beside
     return label
+
+
+def _beside(trees: Trees, label: Int64, part: int) -> int | None:
+    """Return the part that a part touches most; None if it touches none."""
+    borders = trees.patches.borders
+    ends = label[borders.pairs]
+    between = (ends == part).any(axis=1) & (ends[:, 0] != ends[:, 1])
+    if not between.any():
+        return None
+    return int(np.bincount(ends[between].sum(axis=1) - part, borders.length[between] + TINY).argmax())

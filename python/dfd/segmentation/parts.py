@@ -21,7 +21,7 @@ from dfd.segmentation.alike import POSSIBLE, Alike
 from dfd.segmentation.border import snapped
 from dfd.segmentation.choose import candidates
 from dfd.segmentation.choose import ladder as ladder_of
-from dfd.segmentation.cut import cut_labels
+from dfd.segmentation.cut import aimed, cut_labels
 from dfd.segmentation.follow import Follow
 from dfd.segmentation.levels import Ladder
 from dfd.segmentation.patches import Patches
@@ -122,15 +122,20 @@ class Parts:
         ladder = self._ladder(self._vertex(at))
         return ladder.lowest, ladder.highest
 
-    def cut(self, *, instances: bool = False) -> list[Part]:
+    def cut(self, count: int | None = None, *, instances: bool = False) -> list[Part]:
         """Return parts that cover the whole shape, the largest first. Every vertex belongs to exactly one part.
 
-        Counterparts belong to the same part. With `instances`, each of them is a part of its own: four legs are four
-        parts. The parts are those that handles hold at places all over the surface.
+        `count` is a number of parts to aim at, at least 1. If there are fewer parts, they are divided, as far as lower
+        levels have smaller parts. If there are more, the smallest ones join the parts that they touch most.
 
-        Raises ValueError if no face has an area above 0.
+        Counterparts belong to the same part. With `instances`, each of them is a part of its own: four legs are four
+        parts, and count as one. The parts are those that handles hold at places all over the surface.
+
+        Raises ValueError if no face has an area above 0, or `count` is below 1.
         """
-        patches, label = self._patches, cut_labels(self._trees)
+        wanted = None if count is None else check.whole("Parts.cut", "count", count, minimum=1)
+        patches = self._patches
+        label = self._cut_at(0) if wanted is None else aimed(self._trees, self._cut_at, wanted)
         masks = label == np.unique(label)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # `snapped` moves borders to creases. Places that it puts into no part or several parts keep their patch's part.
@@ -242,6 +247,15 @@ class Parts:
 
     @cached_property
     def _ladders(self) -> dict[int, Ladder]:
+        return {}
+
+    def _cut_at(self, level: int) -> Int64:
+        if level not in self._cuts:
+            self._cuts[level] = cut_labels(self._trees, level)
+        return self._cuts[level]
+
+    @cached_property
+    def _cuts(self) -> dict[int, Int64]:
         return {}
 
     @cached_property

@@ -236,7 +236,7 @@ class _Trial:
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
     def unrounded_errors(self, sizes: Sequence[int]) -> Float64:
-        """Return the error for each number of first coordinates in `sizes` (S,), in increasing order, if not rounded."""
+        """Return the error without rounding for the first s coordinates, for each s in `sizes` (S,), which increase."""
         squares, start, errors = np.zeros_like(self._weights), 0, []
         for size in sizes:
             squares += _squares(self._vertices[:, start:size], self._handles[:, start:size])
