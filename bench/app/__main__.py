@@ -45,7 +45,7 @@ def run(script: str, options: SessionOptions, task: Any = None) -> Any:
         app = RunningApp(options)
         app.start()
         browser = next(filter(None, map(shutil.which, BROWSERS)), "")
-        environment = {**os.environ, "DFD_URL": app.url, "DFD_CHROMIUM": browser}
+        environment = {**os.environ, "DFD_URL": app.url, "DFD_CHROMIUM": browser, "DFD_PATIENCE": "600000"}
         try:
             told = subprocess.run(
                 ["node", HERE / script],

@@ -15,6 +15,9 @@ const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => strin
     mask_feather === 0 ? "sharp" : `${percent(mask_feather / size)} of the size`,
 };
 
+/** Words of a choice that is shown with all its words. */
+const FOLLOWERS: Record<string, string> = { all: "All alike", mirror: "Mirrored", none: "Only this" };
+
 interface ControlProps {
   readonly name: string;
   readonly handle: HandleState;
@@ -31,6 +34,13 @@ export function ControlField({ name, handle }: ControlProps) {
   const id = handle.handle;
   const set = (given: unknown) => change(id, { [name]: given });
   if (kind === "switch") return <Toggle label={label} hint={hint} value={value === true} onChange={set} />;
+  if (name === "follow")
+    return (
+      <>
+        <p class="label">{label}</p>
+        <Segmented label={label} hint={hint} value={handle.follow} options={choices} named={FOLLOWERS} onChange={set} />
+      </>
+    );
   if (slider === null)
     return <Select label={label} hint={hint} value={value as string} options={choices} onChange={set} />;
   const unit = kind === "length" ? size : 1;

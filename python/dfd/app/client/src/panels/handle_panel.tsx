@@ -6,7 +6,7 @@ import { change, changePart, move, setMotion, toggleCounterpart, type PartChange
 import { copyPlace } from "../actions/files";
 import { niceStep, type PivotAt, type Transform, type Vec3 } from "../posing/affine";
 import { followed, LEAST_SEEN } from "../posing/held";
-import type { Controls, HandleState } from "../protocol/messages";
+import type { HandleState } from "../protocol/messages";
 import { handleName, otherPlaces, present, stepAt, stepText, store, type GizmoMode, type State } from "../store/state";
 import { useParts } from "../store/use";
 import { columnsOf } from "../viewer/scene";
@@ -19,7 +19,6 @@ import {
   NumberRow,
   Panel,
   percent,
-  Segmented,
   Select,
   titled,
   Toggle,
@@ -28,9 +27,7 @@ import {
 import { ControlField } from "./control_field";
 
 /** Controls that are always visible. */
-const SHOWN = ["reach", "locality"];
-/** The name of the control for who follows a handle. */
-const FOLLOW = "follow";
+const SHOWN = ["follow", "reach", "locality"];
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
   const state = useParts();
@@ -39,9 +36,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const id = handle.handle;
   const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
   const names = (state.session?.controls ?? []).map(({ name }) => name).filter((name) => name in handle);
-  const folded = names.filter(
-    (name) => !SHOWN.includes(name) && name !== FOLLOW && (name !== "mask_feather" || handle.mask > 0),
-  );
+  const folded = names.filter((name) => !SHOWN.includes(name) && (name !== "mask_feather" || handle.mask > 0));
   const field = (name: string) => <ControlField key={name} name={name} handle={handle} />;
   const verb = {
     ...motionFields(transform, step, setMotion),
@@ -61,7 +56,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       }
     >
       <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
-      <Followers handle={known} />
+      {SHOWN.map(field)}
       <Toggle
         label={
           handle.mask === 0 || handle.mask_part ? "Limit to part" : `Limit to ${count.format(handle.mask)} vertices`
@@ -70,7 +65,6 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         value={handle.mask > 0}
         onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
       />
-      {SHOWN.map(field)}
       {verb[state.gizmo]}
       <More>
         <Counterparts state={state} handle={id} />
@@ -283,27 +277,5 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
         ))}
       </div>
     </div>
-  );
-}
-
-const FOLLOWERS: Record<string, string> = { all: "All alike", mirror: "Mirrored", none: "Only this" };
-
-/** Who follows the handle. */
-function Followers({ handle }: { readonly handle: HandleState }) {
-  const { session } = useParts();
-  const entry = session?.controls.find(({ name }) => name === FOLLOW);
-  if (!entry) return null;
-  return (
-    <>
-      <p class="label">Who follows</p>
-      <Segmented
-        label="Who follows"
-        hint={entry.hint}
-        value={handle.follow}
-        options={entry.choices}
-        named={FOLLOWERS}
-        onChange={(follow) => change(handle.handle, { follow } as Controls)}
-      />
-    </>
   );
 }

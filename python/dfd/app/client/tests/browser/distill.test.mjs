@@ -24,6 +24,8 @@ test("a mesh is visible during the learning, and then a click adds a handle", as
     await until(
       page,
       (s) => s.edit.field.origin === "distilled" || (window.early = s.ladders.get(s.probe?.vertex)) !== undefined,
+      null,
+      3 * PATIENCE,
     );
   }
   await until(page, (s) => s.edit.field.origin === "distilled", null, 3 * PATIENCE);

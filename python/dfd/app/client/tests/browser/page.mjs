@@ -1,5 +1,6 @@
 // Helpers of the browser tests. They read environment variables: DFD_URL, the address of the app with its token;
-// DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures; DFD_MESH and DFD_FIELD, the files of the shape.
+// DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures; DFD_MESH and DFD_FIELD, the files of the shape;
+// DFD_PATIENCE, the milliseconds to wait for anything.
 import assert from "node:assert/strict";
 import { mkdirSync } from "node:fs";
 import { copyFile, writeFile } from "node:fs/promises";
@@ -9,7 +10,7 @@ import { chromium } from "playwright-core";
 
 const URL_WITH_TOKEN = process.env.DFD_URL;
 const SHOTS = process.env.DFD_SHOTS ?? "shots";
-export const PATIENCE = 60_000;
+export const PATIENCE = Number(process.env.DFD_PATIENCE ?? 60_000);
 /** Vertices of parts that look alike: the hooves. */
 export const ALIKE = JSON.parse(process.env.DFD_ALIKE ?? "[]");
 
