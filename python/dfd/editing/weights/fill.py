@@ -29,8 +29,8 @@ STEEPEST = 1.5  # largest slope of `weights_at` for a band of width 1
 # twice this width, the soft IoU of weights and labelled parts falls by 0.007 (`python -m bench.quality labelled`).
 REST, REST_OF_RADIUS = 0.0125, 0.2
 # A contact stays closed if a motion would open it by more than VISIBLE diagonals of the bounding box, and by more than
-# SLIDING times the displacement of its points. So a wheel turns, although its axle is not quite at its center. With 0, it
-# bends if its pivot lies 0.8 % of its radius beside its axle. The figures in `contacts.py` are those for 0 to 0.5.
+# SLIDING times the displacement of its points. So a wheel turns, although its axle is not quite at its center: with 0,
+# it bends the axle if its pivot lies 0.8 % of its radius beside it. The figures in `contacts.py` hold from 0 to 0.5.
 VISIBLE, SLIDING = 1e-3, 0.25
 
 Factor = Callable[[NDArray[np.integer]], Float64]  # a function of vertices (N,)
