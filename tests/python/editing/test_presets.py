@@ -13,6 +13,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import reference
+from made_field import field_of
 
 import dfd
 from dfd.cli.deform import deform
@@ -253,3 +254,31 @@ def test_the_papers_session_on_another_field_warns_and_names_what_differs(mesh, 
     session.preset = "default"
     with pytest.warns(UserWarning, match="other settings: (octaves, simplify_to|simplify_to, octaves); distill"):
         session.preset = "paper"
+
+
+# --- the variant of "paper" with mirrored pictures
+
+
+def variant(mirrored, preset="paper", **other):
+    """Return a session on a field of the preset "paper", with mirrored pictures or without."""
+    mesh = dfd.samples.chair(4_000).mesh
+    settings = {**DistillSettings(preset="paper", mirrored=mirrored).as_dict(), **other}
+    return dfd.Deformer(mesh, field_of(mesh).with_settings(settings), preset=preset)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_both_variants_are_the_preset(mirrored):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        variant(mirrored)
+    with pytest.warns(UserWarning, match="other settings: octaves"):
+        variant(mirrored, octaves=5)
+
+
+@pytest.mark.parametrize(
+    ("mirrored", "preset", "advised"), [(False, "paper", True), (True, "paper", False), (False, "default", False)]
+)
+def test_an_error_advises_mirrored_pictures_where_they_help(mirrored, preset, advised):
+    with pytest.raises(ValueError, match="no plane has two sides that look alike") as raised:
+        variant(mirrored, preset).set_symmetry("auto", threshold=0.0)
+    assert ("mirrored=True" in str(raised.value)) == advised

@@ -89,7 +89,10 @@ class SessionWeights:
         return [bands_of(column, self.mesh, edit) for column in self.plan(edit).columns]
 
     def plan(self, edit: Edit) -> Plan:
-        """Return the columns of all handles. They depend on motions only by which handles move."""
+        """Return the columns of all handles. They depend on motions only by which handles move.
+
+        If several handles move, `several_handles` decides which of them moves which component.
+        """
         told = tuple((handle.place, handle.controls) for handle in edit.handles)
         key = (told, edit.fixed, edit.preset, edit.symmetry, edit.sharing)
         return self._kept.get("plan", key, lambda: self._planned(edit))
@@ -110,7 +113,9 @@ class SessionWeights:
 
     def _of_handle(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
         """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
+        # place, level → part → held part: depths d, shares s and distances a of Eq. 9, and the limits of Eq. 10 to 12
         held = self.held(edit, handle) if _needs_counterparts(handle, edit) else None
+        # what controls and fixed points leave of each component, and which components move
         portions = self._portions(edit, handle, held, equalize=edit.rules.equalize)
         counterparts, own = self._counterparts(handle, held), self._own(handle)
         moving = [(each, part) for (each, moves), part in zip(counterparts, portions, strict=True) if moves]
