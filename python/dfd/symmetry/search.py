@@ -18,9 +18,9 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
-# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane, plus MARGIN. For
-# example, a figure's left and right are so similar that the plane between its front and back is not returned.
-WORSE_THAN_BEST, MARGIN = 3.0, 0.01
+# A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane. For example, a
+# figure's left and right are so similar that the plane between its front and back is not returned.
+WORSE_THAN_BEST = 3.0
 ON_SURFACE = 0.5  # a plane is found only if its `_Candidate.on_surface` is at least this
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets differ by less than
 # _COPY_OFFSET (normalized), and its dissimilarity is more than _COPY_RATIO times that of the better plane.
@@ -52,7 +52,7 @@ def symmetry_planes(
         The shape and its feature field.
     threshold
         A number ε returns planes with a `SymmetryPlane.score` below ε; the paper uses 0.1. The best ε depends on the
-        encoder and its block. "relative" returns planes with a `relative_score` of at most 0.25 and at most 3 r + 0.01,
+        encoder and its block. "relative" returns planes with a `relative_score` of at most 0.25 and at most 3 r,
         where r is the lowest `relative_score` of all planes.
     candidates
         "any", or "axes" for the paper's three planes: perpendicular to x, y or z, through the bounding box's center.
@@ -82,7 +82,7 @@ def symmetry_planes(
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
-    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + MARGIN) if planes else 0.0
+    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score) if planes else 0.0
     return [plane for plane in planes if plane.relative_score <= most]
 
 
