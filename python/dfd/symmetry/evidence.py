@@ -46,26 +46,25 @@ class SurfaceFeatures:
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
-    def dissimilarity(self, images: Float64) -> tuple[float, float]:
-        """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
+    def dissimilarity(self, images: Float64) -> float:
+        """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3).
 
-        The dissimilarity is the mean feature distance of the best 80 % of moved samples from their images, divided by
-        the usual feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. The
-        share is that of moved samples whose images lie on the surface. If few samples move, the result is (1, 0).
+        It is the mean feature distance of the best 80 % of moved samples from their images, divided by the usual
+        feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. If few samples
+        move, the result is 1.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
         if moves.mean() < _MOVED:
-            return 1.0, 0.0
-        on_surface = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
+            return 1.0
         found = np.asarray(self.field(self.frame.invert(images[moves])), np.float32)
         changed = np.linalg.norm(self.features[moves] - found, axis=1)
         places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
         usual = float(np.interp(distance[moves], np.concatenate([[0], places]), [0, *self.change]).mean())
         if usual == 0:  # all features are equal
-            return 1.0, on_surface
+            return 1.0
         kept = np.argsort(changed)[: max(1, int(_TRIMMED * len(changed)))]
-        return float(changed[kept].mean() / usual), on_surface
+        return float(changed[kept].mean() / usual)
 
 
 def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:

@@ -21,7 +21,6 @@ RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFe
 # A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane. For example, a
 # figure's left and right are so similar that the plane between its front and back is not returned.
 WORSE_THAN_BEST = 3.0
-ON_SURFACE = 0.5  # a plane is found only if its `_Candidate.on_surface` is at least this
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets differ by less than
 # _COPY_OFFSET (normalized), and its dissimilarity is more than _COPY_RATIO times that of the better plane. Without the
 # rule, one of 52 shapes gets a second plane, tilted by 14° (`enemy_large` of Quaternius' Cyberpunk pack).
@@ -92,7 +91,6 @@ def symmetry_planes(
 class _Candidate:
     plane: Float64  # (4,) unit normal and offset, in the normalized coordinates of `dfd.symmetry.evidence`
     dissimilarity: float  # see `SurfaceFeatures.dissimilarity`
-    on_surface: float  # of the samples that the plane's reflection moves, the share with images on the surface
 
 
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
@@ -104,7 +102,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
         found = [_candidate(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
     else:
         distinct = _without_copies([_candidate(evidence, plane) for plane in candidate_planes(evidence)])
-        fitting = [each for each in distinct if each.on_surface >= ON_SURFACE and each.dissimilarity < 1]
+        fitting = [each for each in distinct if each.dissimilarity < 1]
         vertices = evidence.frame.apply(mesh.vertices)
         found = [_snapped(evidence, vertices, each) for each in fitting]
     found.sort(key=lambda each: each.dissimilarity)
@@ -123,7 +121,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
 
 
 def _candidate(evidence: SurfaceFeatures, plane: Float64) -> _Candidate:
-    return _Candidate(plane, *evidence.dissimilarity(mirrored(evidence.points, plane)))
+    return _Candidate(plane, evidence.dissimilarity(mirrored(evidence.points, plane)))
 
 
 def _without_copies(candidates: list[_Candidate]) -> list[_Candidate]:
