@@ -9,6 +9,7 @@ diagonal. A constant that changes none of these numbers by more than their noise
 import argparse
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -54,11 +55,7 @@ def constants(package: str) -> Iterator[tuple[ModuleType, str, Any]]:
         source = Path(str(module.__file__)).read_text("utf-8")
         for name, value in vars(module).items():
             number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if (
-                number
-                and name.isupper()
-                and any(line.startswith((f"{name} =", f"{name}, ")) for line in source.splitlines())
-            ):
+            if number and re.search(rf"^(\w+, )*{name}(, \w+)* = ", source, re.MULTILINE):
                 yield module, name, value
 
 
