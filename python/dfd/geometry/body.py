@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs
 from dfd.common.normals import smooth_normals
 from dfd.geometry.surface_graph import GAPS
 from dfd.geometry.topology import are_distinct, dirty_vertices, face_areas, face_sides, first_at_place
@@ -24,6 +24,7 @@ from dfd.mesh.mesh import Mesh
 FLAT = 1e-3
 FIN = 1e-3  # a piece that hangs on an edge of two other faces is no part of the body below this share of the area
 LEAST_PULL = 1e-9  # of a piece to its own place, compared with that of one link
+MOST_RATIO = 4.0  # largest ratio of the areas of two walls
 COVERED = 0.95  # two pieces are two walls of one body if at least this share of the nodes of each is near the other
 
 
@@ -32,6 +33,7 @@ class Body(NamedTuple):
 
     vertices: Float64  # (V, 3) positions, in mesh units, of the vertices of the mesh if its cuts were closed
     faces: Int32  # (F, 3) faces of the mesh with consistent sides, without copies, fins and second walls
+    left_out: Bool  # (F,) the faces of the mesh that are fins or second walls
     stands_for: Int32  # (V,) the vertex of the body for which each vertex stands; equal at both sides of a cut
 
 
@@ -56,8 +58,9 @@ def body_of(mesh: Mesh, links: Int32) -> Body:
     flipped ^= _looks_inwards(mesh.vertices, faces, piece, flipped)[piece]
     if flipped.any():
         chosen = np.where(flipped[:, None], chosen[:, ::-1], chosen)
+    left_out = np.zeros(len(mesh.faces), bool)
     if piece.max(initial=0) == 0:
-        return Body(vertices, chosen, stands_for)
+        return Body(vertices, chosen, left_out, stands_for)
     areas = face_areas(mesh.vertices, faces)
     loose = _fins(faces, piece, areas)
     loose |= _inner_walls(mesh, np.where(flipped[:, None], faces[:, ::-1], faces), piece, areas, loose)
@@ -69,7 +72,8 @@ def body_of(mesh: Mesh, links: Int32) -> Body:
         nearest = np.arange(count, dtype=np.int32)
         nearest[outside] = own[cKDTree(mesh.vertices[own]).query(mesh.vertices[outside])[1]]
         stands_for, chosen = nearest[stands_for], chosen[~loose]
-    return Body(vertices, chosen, stands_for)
+        left_out[np.flatnonzero(distinct)[loose]] = True
+    return Body(vertices, chosen, left_out, stands_for)
 
 
 def _closed(vertices: Float64, piece: Int32, links: Int32) -> Float64:
@@ -155,32 +159,35 @@ def _inner_walls(mesh: Mesh, faces: Int32, piece: Int64, areas: Float64, loose: 
 
     Their distance is at most the smaller of `GAPS`, and their normals agree. `faces` (F, 3) look outwards.
     """
-    found = np.zeros(len(faces), bool)
-    area = np.bincount(piece, areas)
+    found, area, near = np.zeros(len(faces), bool), np.bincount(piece, areas), GAPS[0] * mesh.diagonal
+    area[piece[loose]] = 0.0
     order = np.argsort(-area, kind="stable")
-    order = order[(area[order] >= FIN * area.sum()) & ~np.isin(order, piece[loose])]
-    if len(order) < 2:
+    order = order[area[order] >= FIN * area.sum()]
+    if not (area[order[1:]] * MOST_RATIO >= area[order[:-1]]).any():
         return found
-    near = GAPS[0] * mesh.diagonal
-    points = {number: np.unique(faces[piece == number]) for number in order.tolist()}
-    box = {
-        number: np.concatenate([(p := mesh.vertices[each]).min(axis=0), -p.max(axis=0)])
-        for number, each in points.items()
-    }
-    normals = None
+    by_piece = np.argsort(piece, kind="stable")
+    starts = np.searchsorted(piece[by_piece], np.arange(len(area)))
+    corners = mesh.vertices[faces[by_piece]]
+    boxes = np.column_stack(
+        [np.minimum.reduceat(corners.min(axis=1), starts), np.maximum.reduceat(corners.max(axis=1), starts)]
+    )
+    normals: Float32 | None = None
     for index, small in enumerate(order.tolist()):
-        for large in order[:index].tolist():
-            if (np.abs(box[small] - box[large]) > near).any():
-                continue
+        larger = order[:index]
+        for large in larger[(np.abs(boxes[larger] - boxes[small]) <= near).all(axis=1)].tolist():
             if normals is None:
                 normals = smooth_normals(mesh.vertices, faces)
-            covers = []
-            for one, other in ((points[small], points[large]), (points[large], points[small])):
-                apart, nearest = cKDTree(mesh.vertices[other]).query(mesh.vertices[one], distance_upper_bound=near)
-                close = np.isfinite(apart)
-                agree = (normals[one[close]] * normals[other[nearest[close]]]).sum(axis=1) > 0
-                covers.append(np.count_nonzero(agree) / len(one))
+            one, other = (np.unique(faces[piece == number]) for number in (small, large))
+            covers = (_covered(mesh.vertices, normals, *ends, near=near) for ends in ((one, other), (other, one)))
             if min(covers) >= COVERED:
                 found |= piece == small
                 break
     return found
+
+
+def _covered(vertices: Float64, normals: Float32, one: Int32, other: Int32, *, near: float) -> float:
+    """Return the share of the vertices `one` (N,) that have one of `other` (M,) with a similar normal within `near`."""
+    apart, nearest = cKDTree(vertices[other]).query(vertices[one], distance_upper_bound=near)
+    close = np.isfinite(apart)
+    agree = (normals[one[close]] * normals[other[nearest[close]]]).sum(axis=1) > 0
+    return float(np.count_nonzero(agree)) / len(one)

@@ -8,7 +8,9 @@ from dfd.common.linear_algebra import Bool
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import CREASE
 
-LARGEST_MOVE = 0.75  # largest distance by which a border moves, in patch spacings
+# LARGEST_MOVE: largest distance by which a border moves, in patch spacings. On seven meshes of `bench.quality people`,
+# level 0 has 0.704 with 0.375, 0.701 with 0.75, and 0.699 with 1.5: a difference within the noise.
+LARGEST_MOVE = 0.75
 COST = 2**26  # integer cost of a border of length 1 without a crease; a cut of length 31 fits into 32 bits
 
 

@@ -116,7 +116,7 @@ class Patches:
         total, self._middle = _area_and_middle(mesh, body)
         self.size, self.spacing = float(np.sqrt(total)), COUNT**-0.5
         graph, center, normal = self._find_places(mesh, body)
-        things = _things_of_places(mesh, self.nodes, self.place, self.node_of_place)
+        things = _things_of_places(mesh, self.nodes, self.place, self.node_of_place, ~body.left_out)
         self._find_patches(graph, center, normal, planes, things)
 
     def _find_places(self, mesh: Mesh, body: Body) -> tuple[csr_array, Float64, Float64]:
@@ -212,17 +212,17 @@ def _central_vertices(mesh: Mesh, nodes: Nodes, size: float) -> Int64:
     return np.asarray(members[nearest[np.searchsorted(nearest, nodes.starts)]], np.int64)
 
 
-def _things_of_places(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int64) -> Int64:
+def _things_of_places(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int64, faces: Bool) -> Int64:
     """Return the things of the file to which each place belongs, (M, K), for those kinds that have several things.
 
     The kinds are connected components, named objects (`Mesh.parts`) and materials. A place of several things belongs to
-    the last one in the file.
+    the last one in the file. `faces` (F,) are the faces that count.
     """
     kinds = [nodes.component[node_of_place].astype(np.int64)]
     for labels in scene_parts_and_materials(mesh):
         if labels.any():
             kinds.append(np.zeros(len(node_of_place), np.int64))
-            np.maximum.at(kinds[-1], place[nodes.of_vertex[mesh.faces]], labels[:, None])
+            np.maximum.at(kinds[-1], place[nodes.of_vertex[mesh.faces[faces]]], labels[faces, None])
     several = [kind for kind in kinds if kind.min() < kind.max()]
     return np.array(several, np.int64).reshape(-1, len(node_of_place)).T
 

@@ -17,13 +17,20 @@ from dfd.mesh.mesh import Mesh
 
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
-_QUERIED = 500  # largest number of samples for which samples with similar features are searched
-_LEAST_PAIR_DISTANCE = 0.1  # smallest normalized distance of paired samples; nearer samples always look alike
+# Largest number of samples for which samples with similar features are searched. With 200, 4 of 52 shapes get other
+# planes.
+_QUERIED = 500
+# Smallest normalized distance of paired samples; nearer samples always look alike. With 0.01, 6 of 52 shapes get other
+# planes.
+_LEAST_PAIR_DISTANCE = 0.1
 _BINS = 24  # number of distance intervals for which the mean change of features is computed
 STAYS = 0.1  # a sample counts as moved if its image is farther away than this normalized distance
-_MOVED = 0.3  # smallest share of samples that a symmetry must move
-_NO_SPREAD = 1e-4  # with a smaller usual feature distance (see `dissimilarity`), a field distinguishes no symmetries
-_TRIMMED = 0.8  # share of the moved samples that a score uses, because a small part can lack a mirror image
+# Smallest share of samples that a symmetry must move, so that the plane of a flat shape is none. With 0, the planes of
+# 52 shapes, none of them flat, stay the same.
+_MOVED = 0.3
+# Share of the moved samples that a score uses, because a small part can lack a mirror image. With 1, 6 of 52 shapes get
+# other planes.
+_TRIMMED = 0.8
 
 
 @dataclass(frozen=True)
@@ -41,26 +48,25 @@ class SurfaceFeatures:
     farthest: float  # upper end of the last interval of `change`, normalized
     spacing: float  # typical distance of neighboring samples, normalized
 
-    def dissimilarity(self, images: Float64) -> tuple[float, float]:
-        """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3), and the share on the surface.
+    def dissimilarity(self, images: Float64) -> float:
+        """Return the dissimilarity of the symmetry that maps `points` to `images` (N, 3).
 
-        The dissimilarity is the mean feature distance of the best 80 % of moved samples from their images, divided by
-        the usual feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. The
-        share is that of moved samples whose images lie on the surface. If few samples move, the result is (1, 0).
+        It is the mean feature distance of the best 80 % of moved samples from their images, divided by the usual
+        feature distance of samples that far apart. It is 0 for a perfect symmetry, about 1 by chance. If few samples
+        move, the result is 1.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS
         if moves.mean() < _MOVED:
-            return 1.0, 0.0
-        on_surface = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
+            return 1.0
         found = np.asarray(self.field(self.frame.invert(images[moves])), np.float32)
         changed = np.linalg.norm(self.features[moves] - found, axis=1)
         places = (np.arange(len(self.change)) + 0.5) * self.farthest / len(self.change)
         usual = float(np.interp(distance[moves], np.concatenate([[0], places]), [0, *self.change]).mean())
-        if usual < _NO_SPREAD:
-            return 1.0, on_surface
+        if usual == 0:  # all features are equal
+            return 1.0
         kept = np.argsort(changed)[: max(1, int(_TRIMMED * len(changed)))]
-        return float(changed[kept].mean() / usual), on_surface
+        return float(changed[kept].mean() / usual)
 
 
 def surface_features(field: Field, mesh: Mesh) -> SurfaceFeatures | None:

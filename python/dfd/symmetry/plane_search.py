@@ -19,7 +19,6 @@ _STEPS = 10  # largest number of Gauss-Newton steps
 _COARSE_STEPS, _COARSE, _ENOUGH = 6, 4, 300
 # Mirror images farther than _FIRST_REACH from the surface are ignored. Each step multiplies this distance by _SHRINK.
 _FIRST_REACH, _SHRINK = 0.3, 0.7
-_LONGEST_STEP = 0.2  # largest change of a parameter in a step
 _DIFFERENCE = 1e-6  # change of a parameter for finite differences
 
 
@@ -117,7 +116,7 @@ def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
         normal_matrix = matrix.T @ (matrix * weight[:, None])
         damping = 1e-6 * max(float(np.trace(normal_matrix)), 1e-12)
         change = np.linalg.solve(normal_matrix + damping * np.eye(3), -matrix.T @ (weight * residual))
-        parameters = parameters + change * min(1.0, _LONGEST_STEP / max(float(np.abs(change).max()), 1e-12))
+        parameters = parameters + change
         if np.abs(change).max() < 1e-6:
             break
     return varied(parameters)

@@ -13,9 +13,11 @@ from mesh_files import CORNERS, CUBE, Gltf, write
 import dfd
 from bench.quality import labelled
 from bench.quality.__main__ import main
+from bench.quality.constants import changed, constants
 from bench.quality.labelled import LEGEND
 from bench.quality.measures import average_precision, session_of
 from bench.quality.shapes import characters
+from dfd.segmentation import patches, seeds
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +103,12 @@ def test_a_skinned_file_is_read_with_and_without_accessories(tmp_path, capsys):
     assert whole.parts == ("arm", "head")
     assert np.bincount(whole.labels + 1).tolist() == [8, 4, 4]
     np.testing.assert_array_equal(bare.labels, bare.mesh.vertices[:, 0])
+
+
+def test_a_constant_changes_in_all_modules_that_use_it_and_comes_back():
+    known = {(module.__name__.rpartition(".")[2], name): value for module, name, value in constants("segmentation")}
+    assert known["seeds", "NEAR"] == seeds.NEAR == patches.NEAR
+    assert ("trees", "TINY") not in known, "a module does not define what it imports"
+    with changed("segmentation", "NEAR", seeds.NEAR, 2.0):
+        assert (seeds.NEAR, patches.NEAR) == (2.0, 2.0)
+    assert known["seeds", "NEAR"] == seeds.NEAR == patches.NEAR
