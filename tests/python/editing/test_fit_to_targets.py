@@ -63,6 +63,29 @@ def test_an_exact_motion_is_found(tower, motion, preset):
     assert [handle.id for handle in session.handles] == handles
 
 
+def test_targets_in_blend_bands_are_reached_exactly():
+    import trimesh
+
+    sheet = trimesh.creation.box((2, 0.2, 0.4))
+    for _ in range(4):
+        sheet = sheet.subdivide()
+    mesh = dfd.Mesh(sheet.vertices, sheet.faces)
+    rows = np.exp(-np.abs(mesh.vertices[:, :1] - np.array([-1.0, 0.0, 1.0])))
+    field = dfd.VertexField(mesh, rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    wanted, session = Deformer(mesh, field), Deformer(mesh, field)
+    for each in (wanted, session):
+        for x in (-1.0, 1.0):
+            each.add((x, 0, 0))
+    for handle, sign in zip(wanted.handles, (1, -1), strict=True):
+        wanted.move(handle.id, translation=(0.05, 0.2 * sign, 0), rotation=(20, 10, 30 * sign))
+    weights = wanted.weights
+    band = np.flatnonzero(((weights > 0.1) & (weights < 0.9)).any(axis=1))
+    marks = np.concatenate([band[:: max(len(band) // 20, 1)], [weights[:, 0].argmax(), weights[:, 1].argmax()]])
+    found = session.fit((marks, wanted.vertices[marks]))
+    assert found.before > 0.05
+    assert found.largest < 1e-6 * mesh.diagonal
+
+
 def test_a_place_of_any_kind_is_a_target(tower):
     mesh, parts, _ = tower
     session, _ = session_on(tower)
