@@ -35,7 +35,7 @@ STIFFNESS = 1e-4  # weight of the unknowns; exact targets are then missed by abo
 STEP = 1e-4  # difference of an unknown for the central difference quotients of the Jacobian
 NULL = 1e-5  # singular values of the Jacobian below this fraction of the largest count as 0
 ROUNDS, SCAN_ROUNDS = 3, 30  # largest numbers of rounds for vertices and for a scan
-REFINEMENTS = 40  # largest number of steps after the rounds
+REFINEMENTS = 100  # largest number of steps after the rounds
 DONE = 1e-3  # steps end if one lowers the sum of squares by less than this fraction
 SETTLED = 1e-7  # the rounds end if no unknown changes by more than this
 SLOW = 0.01  # a round ends if a step lowers the sum of squares by less than this fraction, before weights change anyway
@@ -104,8 +104,8 @@ def fit(
 def _refined(problem: _Problem, targets: Targets, unknowns: Float64) -> tuple[_Problem, Float64]:
     """Return the problem and the unknowns after steps that take into account that weights depend on the motion.
 
-    The Jacobian is the one for constant weights, plus a correction that each step improves (Broyden, "A class of methods
-    for solving nonlinear simultaneous equations", 1965).
+    The Jacobian is the one for constant weights, plus a correction that each step improves (Broyden, "A class of
+    methods for solving nonlinear simultaneous equations", 1965).
     """
     damping, residuals = 1e-6, problem.residuals(targets, unknowns[None])[0]
     fixed, correction = problem.jacobian(targets, unknowns), np.zeros((len(residuals), len(unknowns)))

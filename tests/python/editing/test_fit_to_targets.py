@@ -66,24 +66,25 @@ def test_an_exact_motion_is_found(tower, motion, preset):
 def test_targets_in_blend_bands_are_reached_exactly():
     import trimesh
 
-    sheet = trimesh.creation.box((2, 0.2, 0.4))
-    for _ in range(4):
-        sheet = sheet.subdivide()
-    mesh = dfd.Mesh(sheet.vertices, sheet.faces)
-    rows = np.exp(-np.abs(mesh.vertices[:, :1] - np.array([-1.0, 0.0, 1.0])))
+    feet = [(x, 1.0, z) for x in (-0.7, 0.7) for z in (-0.7, 0.7)]
+    boxes = [trimesh.creation.box((2, 0.4, 2))]
+    boxes += [trimesh.creation.box((0.2, 1, 0.2)).apply_translation((x, 0.7, z)) for x, _, z in feet]
+    whole = trimesh.util.concatenate([box.subdivide().subdivide().subdivide() for box in boxes])
+    mesh = dfd.Mesh(whole.vertices, whole.faces)
+    rows = np.exp(-np.linalg.norm(mesh.vertices[:, None] - np.array([(0, 0, 0), *feet]), axis=2))
     field = dfd.VertexField(mesh, rows / np.linalg.norm(rows, axis=1, keepdims=True))
     wanted, session = Deformer(mesh, field), Deformer(mesh, field)
-    for each in (wanted, session):
-        for x in (-1.0, 1.0):
-            each.add((x, 0, 0))
-    for handle, sign in zip(wanted.handles, (1, -1), strict=True):
-        wanted.move(handle.id, translation=(0.05, 0.2 * sign, 0), rotation=(20, 10, 30 * sign))
+    random = np.random.default_rng(0)
+    for foot in feet:
+        wanted.add(foot, translation=random.normal(0, 0.1, 3), rotation=random.normal(0, 20, 3))
+        session.add(foot)
     weights = wanted.weights
-    band = np.flatnonzero(((weights > 0.1) & (weights < 0.9)).any(axis=1))
-    marks = np.concatenate([band[:: max(len(band) // 20, 1)], [weights[:, 0].argmax(), weights[:, 1].argmax()]])
+    band = np.flatnonzero(((weights > 0.05) & (weights < 0.95)).any(axis=1))
+    ends = np.flatnonzero(mesh.vertices[:, 1] > 0.9)
+    marks = np.concatenate([ends[:: len(ends) // 16], band[:: len(band) // 8]])
     found = session.fit((marks, wanted.vertices[marks]))
-    assert found.before > 0.05
-    assert found.largest < 1e-6 * mesh.diagonal
+    assert found.before > 0.1
+    assert found.largest < 1e-5
 
 
 def test_a_place_of_any_kind_is_a_target(tower):
