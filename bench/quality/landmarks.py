@@ -1,9 +1,9 @@
 """Compare corresponding vertices of two shapes with the landmarks that people set on both.
 
-Beside each mesh `N.off` lies `N.vts`: a line with a vertex and its position for each landmark of the category. Source:
-Kim, Lipman and Funkhouser, "Blended intrinsic maps", 2011. Each landmark of a shape is mapped to all other shapes of
-its category. The error is the distance along the surface from the landmark there, as a fraction of the square root of
-the area. `counterparts.info` names landmarks that are mirror images: a line with the numbers of each pair, from 0.
+Beside each mesh `N.off` lies `N.vts`: a line with a vertex and its position for each landmark of the category (Kim,
+Lipman and Funkhouser, "Blended intrinsic maps", 2011). Each landmark of a shape is mapped to all other shapes of its
+category. The error is the distance along the surface from the landmark there, as a fraction of the square root of the
+area. `counterparts.info` names landmarks that are mirror images: a line with the numbers of each pair, from 0.
 
 `dfd.correspond` is for shapes that face the same direction, which these shapes do not. So each other shape is turned
 first, with its features, by the rotation that brings its landmarks nearest to those of the shape.

@@ -35,8 +35,8 @@ LEGEND = {
     "another person": "the same for the segments of the other people at this place, as a mean over these people",
     "at least 0.7": "fraction of places where level 0 has an IoU of at least 0.7",
     "random features": "level 0 for features that are cosines of the position, without any encoder",
-    "Rand": "distance of the whole cut, with instances, from each person's (1 − Rand index): the fraction of pairs of"
-    " faces that are in one part of one cut, and in two parts of the other",
+    "Rand": "1 − Rand index of the whole cut, with instances, and a person's: the fraction of pairs of faces that are"
+    " in one part of the one, and in two parts of the other",
     "people: Rand": "the same distance among the people",
     "small: …": f"the same numbers for segments with less than {SMALL:.0%} of the surface",
 }

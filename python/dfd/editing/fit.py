@@ -3,7 +3,8 @@
 The unknowns of a handle are a translation and a rotation about its pivot, and, if wanted, a scale or a linear map. They
 minimize the sum of the squared distances from the targets, plus `STIFFNESS`² times the squares of the unknowns. So a
 motion that the targets do not determine is as small as possible. Steps of the method of Levenberg and Marquardt pose
-only the target vertices. Weights in blend bands depend on the motion, so they are computed again between rounds.
+only the target vertices. Weights in blend bands depend on the motion, so they are computed again between rounds, and
+the last steps estimate how they change.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ GROUPS = {"translation": slice(0, 3), "rotation": slice(3, 6), "scale": slice(6,
 STIFFNESS = 1e-4  # weight of the unknowns; exact targets are then missed by about 1e-8 of the motion
 STEP = 1e-4  # difference of an unknown for the central difference quotients of the Jacobian
 NULL = 1e-5  # singular values of the Jacobian below this fraction of the largest count as 0
-ROUNDS, SCAN_ROUNDS = 12, 30  # largest numbers of rounds for vertices and for a scan
+ROUNDS, SCAN_ROUNDS = 3, 30  # largest numbers of rounds for vertices and for a scan
+REFINEMENTS = 100  # largest number of steps after the rounds
+DONE = 1e-3  # steps end if one lowers the sum of squares by less than this fraction
 SETTLED = 1e-7  # the rounds end if no unknown changes by more than this
 SLOW = 0.01  # a round ends if a step lowers the sum of squares by less than this fraction, before weights change anyway
 
@@ -90,10 +93,40 @@ def fit(
         if np.abs(offset - last).max() <= SETTLED:
             break
     problem = _Problem(fitted, weights, order, motion)
+    if scan is None:
+        problem, offset = _refined(problem, found, offset)
     open_motions = problem.undetermined(found, offset)
-    after = _distances(found, _posed(fitted, weights))
+    after = _distances(found, _posed(problem.edit, weights))
     missing = {chosen[k]: names for k, names in open_motions.items()}
-    return fitted, Fit(float(after.mean()), float(after.max()), float(before.mean()), missing)
+    return problem.edit, Fit(float(after.mean()), float(after.max()), float(before.mean()), missing)
+
+
+def _refined(problem: _Problem, targets: Targets, unknowns: Float64) -> tuple[_Problem, Float64]:
+    """Return the problem and the unknowns after steps that take into account that weights depend on the motion.
+
+    The Jacobian is the one for constant weights, plus a correction that each step improves (Broyden, "A class of
+    methods for solving nonlinear simultaneous equations", 1965).
+    """
+    damping, residuals = 1e-6, problem.residuals(targets, unknowns[None])[0]
+    fixed, correction = problem.jacobian(targets, unknowns), np.zeros((len(residuals), len(unknowns)))
+    for _ in range(REFINEMENTS):
+        jacobian = fixed + correction
+        curvature = jacobian.T @ jacobian
+        step = -np.linalg.solve(curvature + damping * np.diag(curvature.diagonal() + 1e-12), jacobian.T @ residuals)
+        if np.abs(step).max() <= SETTLED:
+            break
+        trial = _Problem(problem.edit_of(unknowns + step), problem.weights, problem.order, problem.motion)
+        found = trial.residuals(targets, (unknowns + step)[None])[0]
+        correction += np.outer(found - residuals - jacobian @ step, step) / (step @ step)
+        before, after = residuals @ residuals, found @ found
+        if after >= before:
+            damping = min(10 * damping, 1e3)
+            continue
+        problem, unknowns, residuals = trial, unknowns + step, found
+        fixed, damping = problem.jacobian(targets, unknowns), max(damping / 10, 1e-9)
+        if before - after < DONE * before:
+            break
+    return problem, unknowns
 
 
 class _Problem:
@@ -227,15 +260,18 @@ def _posed(edit: Edit, weights: SessionWeights) -> Float64:
 def _with_pivots(edit: Edit, weights: SessionWeights, chosen: Sequence[int]) -> Edit:
     """Return `edit` with the default pivots of the `chosen` handles, at which they rest, but for a tiny motion.
 
-    The motion makes them moving handles, which share counterparts and parts as they will after the fit.
+    The motion makes them moving handles, which share counterparts and parts as they will after the fit. All of them
+    move before the first pivot is chosen, so that parts are divided only once.
     """
     tiny = 1e-9 * weights.mesh.diagonal
+    turning = [handle for handle in chosen if edit.handle(handle).transform.turns]
+    rest = {"translation": (tiny, 0, 0), "rotation": (0, 0, 0), "scale": 1, "axes": "auto"}
     for handle in chosen:
-        if not edit.handle(handle).transform.turns:
+        edit = verbs.move(edit, weights, handle, rest)
+    for handle in chosen:
+        if handle not in turning:
             edit = verbs.move(edit, weights, handle, {"rotation": (0.0, 0.0, 1.0)})
-        edit = verbs.move(
-            edit, weights, handle, {"translation": (tiny, 0, 0), "rotation": (0, 0, 0), "scale": 1, "axes": "auto"}
-        )
+            edit = verbs.move(edit, weights, handle, rest)
     return edit
 
 

@@ -63,6 +63,30 @@ def test_an_exact_motion_is_found(tower, motion, preset):
     assert [handle.id for handle in session.handles] == handles
 
 
+def test_targets_in_blend_bands_are_reached_exactly():
+    import trimesh
+
+    feet = [(x, 1.0, z) for x in (-0.7, 0.7) for z in (-0.7, 0.7)]
+    boxes = [trimesh.creation.box((2, 0.4, 2))]
+    boxes += [trimesh.creation.box((0.2, 1, 0.2)).apply_translation((x, 0.7, z)) for x, _, z in feet]
+    whole = trimesh.util.concatenate([box.subdivide().subdivide().subdivide() for box in boxes])
+    mesh = dfd.Mesh(whole.vertices, whole.faces)
+    rows = np.exp(-np.linalg.norm(mesh.vertices[:, None] - np.array([(0, 0, 0), *feet]), axis=2))
+    field = dfd.VertexField(mesh, rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    wanted, session = Deformer(mesh, field), Deformer(mesh, field)
+    random = np.random.default_rng(0)
+    for foot in feet:
+        wanted.add(foot, translation=random.normal(0, 0.1, 3), rotation=random.normal(0, 20, 3))
+        session.add(foot)
+    weights = wanted.weights
+    band = np.flatnonzero(((weights > 0.05) & (weights < 0.95)).any(axis=1))
+    ends = np.flatnonzero(mesh.vertices[:, 1] > 0.9)
+    marks = np.concatenate([ends[:: len(ends) // 16], band[:: len(band) // 8]])
+    found = session.fit((marks, wanted.vertices[marks]))
+    assert found.before > 0.1
+    assert found.largest < 1e-5
+
+
 def test_a_place_of_any_kind_is_a_target(tower):
     mesh, parts, _ = tower
     session, _ = session_on(tower)

@@ -82,10 +82,25 @@ class Column:
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
     depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
 
-    def matrix(self, edit: Edit) -> Float64:
-        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart."""
+    def matrix(self, edit: Edit, most: float = np.inf) -> Float64:
+        """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart.
+
+        Rotations by more than `most` degrees are reduced to this angle.
+        """
         handle = edit.handles[self.handle]
-        return self.counterpart.transform(handle.matrix, handle.place.position)
+        matrix, angle = handle.matrix, float(np.linalg.norm(handle.transform.rotation))
+        if angle > most:
+            x, y, z = (part * most / angle for part in handle.transform.rotation)
+            matrix = replace(handle.transform, rotation=(x, y, z)).matrix(handle.place.position)
+        return self.counterpart.transform(matrix, handle.place.position)
+
+    def turn(self, edit: Edit) -> tuple[Float64, Float64]:
+        """Return the pivot (3,) of the column, mesh units, and the rotation vector (3,) of its transform, degrees."""
+        handle, frame = edit.handles[self.handle], self.counterpart.frame
+        place, pivot = np.asarray(handle.place.position), handle.transform.pivot
+        offset = np.zeros(3) if pivot is None else pivot - place
+        turned = np.linalg.det(frame) * frame  # rotation vectors are pseudovectors
+        return self.counterpart.position + frame @ offset, turned @ handle.transform.rotation
 
     def scaled(self, factor: Factor) -> Column:
         """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
@@ -168,7 +183,8 @@ def widest(bands: Sequence[Band]) -> Band:
 def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
     """Return the bands of the components of a column, for the motion of its handle in `edit`."""
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
-    return bands_for(column, column.matrix(edit), default, mesh)
+    # A border that comes back after a whole turn still needs a wide band.
+    return bands_for(column, column.matrix(edit, most=180.0), default, mesh)
 
 
 def bands_for(column: Column, affine: Float64, default: Float64, mesh: Mesh) -> tuple[Band, ...]:
