@@ -157,6 +157,8 @@ test("the report is short, is said once, and has details on demand", async () =>
   await eventually(async () => assert.equal(await page.getByText(text).count(), 1));
   await page.getByText("What the edit did").click();
   await page.getByText(details[1]).waitFor();
+  const step = await page.locator(".step").textContent();
+  assert.ok(details[1].includes(`step ${step}`), `${details[1]} and ${step}`);
 });
 
 test("after a gesture, proposals are taken by one click or key", async () => {
