@@ -1,9 +1,8 @@
 """Pages that show running times, and large or broken meshes: Fig. 10, 17 and 18, and Tables 1 and 3."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,15 @@ import dfd
 from bench.paper.comparisons import BALL, PRESET_OF, Case, case_of, deform, farthest, measured, pulled
 from bench.paper.distortion import contact_gap
 from bench.paper.features import distilled, resampled
-from bench.paper.page import ALIKE, Page, Row, gallery
+from bench.paper.page import ALIKE, Page, Pictures, Row, aim, gallery
 from bench.paper.subjects import CASES, NAMES, PRESETS, Context, Shape, Subject, pulls_of
 from bench.peers import PEERS
 from bench.peers.peer import Job, PeerError, run, tetrahedra
 from bench.speed.measure import Timing, together
-from dfd.common.linear_algebra import Bool, Float32
+from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.common.preset import Preset
 from dfd.geometry.topology import inspect
+from dfd.pictures.picture import picture
 
 PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
@@ -34,6 +34,7 @@ BROKEN = pulls_of("chair_nonmanifold", "truck_defects", "plane_holes", "kaykit_c
 LARGE = pulls_of("plane_holes", "koala", "truck_defects", "spot", "quadruped")
 LUCY = 28_000_000  # number of faces of the paper's scan Lucy
 LARGE_FACES = ((20_000, 200_000), (50_000, 1_000_000, LUCY))
+AT_ONCE = 1_000_000  # vertices whose features are in memory at a time; at 28 million faces, all take 21 GB
 RENDERING = ("simplify", "render")  # stages of `dfd.distill` that `fig18` counts as R
 
 COUNTS = (1, 10, 100)  # numbers of handles per set in Table 3
@@ -124,37 +125,43 @@ def fig17(context: Context) -> Page:
 
 def fig18(context: Context) -> Page:
     """Large meshes: their defects, and the time of each stage without the cache."""
-    taken: dict[tuple[int, str], Row] = {}
-
-    def subjects() -> Iterator[Subject]:
-        for given, case in context.cases(LARGE, (1, 2)):
-            finer = (resampled(given, count) for count in context.quick_or_full(LARGE_FACES))
-            for shape, preset in product(finer, PRESETS):
+    rows: list[Row] = []
+    drawn: list[Pictures] = []
+    for given, case in context.cases(LARGE, (1, 2)):
+        for count in context.quick_or_full(LARGE_FACES):
+            shape = resampled(given, count)
+            mesh, handle, counts = shape.mesh, case.on(shape), inspect(shape.mesh)
+            size = {"faces": len(mesh.faces), "boundary edges": counts.boundary_edges}
+            for preset in PRESETS:
                 field, seconds, stages = distilled(context, shape, preset)
                 rendering = sum(stages.seconds.get(name, 0.0) for name in RENDERING)
+                begin = time.perf_counter()
+                moved = translated(field, mesh, handle["at"], handle["translation"])
                 times = {"R s": rendering, "T s": seconds - rendering, "R + T s": seconds}
-                taken[len(shape.mesh.faces), preset] = times
-                yield Subject(shape, case, preset, field)
-
-    def measure(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
-        mesh, handle, counts = subject.shape.mesh, subject.case.on(subject.shape), inspect(subject.shape.mesh)
-        start = time.perf_counter()
-        weights = dfd.bind(subject.field.features(mesh), [handle["at"]])
-        dfd.pose(mesh.vertices, weights, np.concatenate([np.eye(3), handle["translation"][:, None]], axis=1)[None])
-        inference = time.perf_counter() - start
-        size = {
-            "faces": len(mesh.faces),
-            "boundary edges": counts.boundary_edges,
-            "NM edges": counts.non_manifold_edges,
-        }
-        return {**size, **taken[len(mesh.faces), subject.preset], "I s": inference}
-
+                times["I s"] = time.perf_counter() - begin
+                start = {"shape": shape.name, "method": NAMES[preset], **size, "NM edges": counts.non_manifold_edges}
+                rows.append({**start, **times})
+                where = aim(mesh, mesh.vertices[[handle["at"]]], moved)
+                pictures = [(picture(mesh, **where), "before"), (picture(mesh, vertices=moved, **where), "after")]
+                drawn.append((f"{shape.name}, {len(mesh.faces):,} faces, {NAMES[preset]}", pictures))
     text = (
         "NM: non-manifold. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds "
-        "for the features of all vertices, the weights of one handle, and the posed shape. Each mesh is simplified or "
-        f"subdivided. A full run reaches {LUCY:,} faces, the size of the paper's scan Lucy, with the paper's pictures."
+        "for the features of all vertices, the weights of one handle (Eq. 5), and the posed shape. Each mesh is "
+        f"simplified or subdivided. A full run reaches {LUCY:,} faces, the size of the paper's scan Lucy, with the "
+        "paper's pictures."
     )
-    return gallery(subjects(), lambda subject: {"pull": subject.pull()}, measure, text)
+    return Page(text, drawn, rows)
+
+
+def translated(field: dfd.Field, mesh: dfd.Mesh, vertex: int, by: Float64) -> Float64:
+    """Return the vertices (V, 3) of a mesh if a handle at `vertex` is translated `by` (3,), in mesh units.
+
+    The features of at most `AT_ONCE` vertices are in memory at a time.
+    """
+    held = field(mesh.vertices[[vertex]])
+    blocks = np.array_split(mesh.vertices, -(-len(mesh.vertices) // AT_ONCE))
+    weights = np.concatenate([dfd.bind(field(each), held) for each in blocks])
+    return dfd.pose(mesh.vertices, weights, np.c_[np.eye(3), by][None])
 
 
 def table1(context: Context) -> Page:

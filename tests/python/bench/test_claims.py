@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from constructed import FOOT, LEGS, TURN, MadeContext, noise, smooth, table, true
+from constructed import FOOT, LEGS, TURN, MadeContext, MadeField, noise, smooth, table, true
 
+import dfd
 from bench.paper import comparisons, controls, features, figures, page, resolution, subjects
 from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL, same
 from bench.paper.figures import FIGURES
@@ -242,6 +243,16 @@ def test_distortions_need_six_shapes() -> None:
     assert words("fig22", outlier) == {"yes"}
     missing = [row for row in rows(6, 1.0) if (row["shape"], row["method"], row["variant"]) != ("0", "ARAP", FEW)]
     assert sorted(verdicts("fig22", missing, [OURS]).values()) == ["not decided", "yes"]
+
+
+def test_large_meshes_are_posed_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, by = table(), np.array([0.0, -0.2, 0.0])
+    field = MadeField(true, mesh)
+    monkeypatch.setattr(resolution, "AT_ONCE", 100)
+    weights = dfd.bind(field.features(mesh), [5])
+    moved = dfd.pose(mesh.vertices, weights, np.c_[np.eye(3), by][None])
+    np.testing.assert_allclose(resolution.translated(field, mesh, 5, by), moved, atol=1e-12)
+    assert np.abs(moved - mesh.vertices).max() == pytest.approx(0.2)
 
 
 def test_random_smooth_features_reach_no_agreement() -> None:
