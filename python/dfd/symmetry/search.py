@@ -19,7 +19,8 @@ _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
 RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
 # A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane. For example, a
-# figure's left and right are so similar that the plane between its front and back is not returned.
+# figure's left and right are so similar that the plane between its front and back is not returned. Without the rule, 6
+# of 52 shapes get other planes.
 WORSE_THAN_BEST = 3.0
 # A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets differ by less than
 # _COPY_OFFSET (normalized), and its dissimilarity is more than _COPY_RATIO times that of the better plane. Without the
@@ -29,7 +30,9 @@ _COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
 # offset by less than _SNAP_OFFSET, and its dissimilarity rises by less than _SNAP_LOSS. Without the rule, 3 of 52
 # shapes (Ant 85, Bearing 345 and Fish 225 of the benchmark) get other planes.
 _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
-_EXACT = 1e-6  # largest rounding error of exactly mirrored vertices, in normalized coordinates
+# Largest rounding error of exactly mirrored vertices, in normalized coordinates. Without pairs of such vertices, planes
+# of 52 shapes change by less than half a degree and 0.5 %, but are not exact.
+_EXACT = 1e-6
 
 
 def symmetry_planes(
