@@ -20,11 +20,17 @@ def cut_labels(trees: Trees, count: int | None = None) -> Int64:
 
     If `count` is given, handles find smaller parts until there are as many, and then the smallest parts join others.
     """
-    label = _labels(trees, 0)
+    handles = np.unique(trees.patches.orbit, return_index=True)[1][:HANDLES]
+    ladders = []  # the parts of each handle from the smallest to the largest, and the index of the most likely part
+    for handle in handles.tolist():
+        found = candidates(trees, handle)
+        rungs, middle = ladder(found, trees.patches.area)
+        ladders.append((found.regions[rungs], middle))
+    label = _labels(trees, handles, ladders, 0)
     for level in range(-1, FINEST - 1, -1):
         if count is None or len(np.unique(label)) >= count:
             break
-        finer = _labels(trees, level)
+        finer = _labels(trees, handles, ladders, level)
         if len(np.unique(finer)) > len(np.unique(label)):
             label = finer
     while count is not None and len(np.unique(label)) > count:
@@ -37,17 +43,12 @@ def cut_labels(trees: Trees, count: int | None = None) -> Int64:
     return label
 
 
-def _labels(trees: Trees, level: int) -> Int64:
+def _labels(trees: Trees, handles: Int64, ladders: list[tuple[Bool, int]], level: int) -> Int64:
     """Return the part of each patch, (P,), for parts at a level."""
-    patches = trees.patches
-    handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
     alike, groups = Alike(trees), list[list[Bool]]()  # the components of each part
     of_handle = np.empty(len(handles), np.int64)
-    for row, handle in enumerate(handles.tolist()):
-        found = candidates(trees, handle)
-        rungs, middle = ladder(found, patches.area)
-        chosen = rungs[max(middle + level, 0)]
-        region = found.regions[chosen]
+    for row, (regions, middle) in enumerate(ladders):
+        region = regions[max(middle + level, 0)]
         same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
             same = [len(groups)]
