@@ -20,7 +20,7 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.alike import POSSIBLE, Alike
 from dfd.segmentation.border import snapped
 from dfd.segmentation.choose import Candidates, candidates, ladder
-from dfd.segmentation.cut import cut_labels
+from dfd.segmentation.cut import Ladders, cut_labels, ladders_of
 from dfd.segmentation.follow import Follow
 from dfd.segmentation.levels import components_at
 from dfd.segmentation.patches import Patches
@@ -135,7 +135,7 @@ class Parts:
         Raises ValueError if no face has an area above 0, or `count` is below 1.
         """
         wanted = None if count is None else check.whole("Parts.cut", "count", count, minimum=1)
-        patches, label = self._patches, cut_labels(self._trees, wanted)
+        patches, label = self._patches, cut_labels(self._trees, self._cut_ladders, wanted)
         masks = label == np.unique(label)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # `snapped` moves borders to creases. Places that it puts into no part or several parts keep their patch's part.
@@ -257,6 +257,10 @@ class Parts:
             return int(check.vertex_indices("Parts.part", "at", [at], len(self._mesh.vertices))[0])
         point = check.array("Parts.part", "at", at, (3,), dtype=np.float64)
         return int(self._nearest.query(point)[1])
+
+    @cached_property
+    def _cut_ladders(self) -> Ladders:
+        return ladders_of(self._trees)
 
     @cached_property
     def _ladders(self) -> dict[int, tuple[Candidates, list[int], int]]:
