@@ -7,6 +7,7 @@ import argparse
 import multiprocessing
 import os
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,8 +17,18 @@ from trimesh.remesh import subdivide
 import dfd
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "speed"
-STEPS = ("features", "first handle", "first frame", "later frame", "second handle", "second handle's frame", "memory")
+STEPS = (
+    "features",
+    "first handle",
+    "first frame",
+    "later frame",
+    "second handle",
+    "second handle's frame",
+    "fit",
+    "memory",
+)
 SIZES = (10_000, 100_000, 1_000_000)
+TARGETS = 20  # number of vertices with target positions in a fit of four handles
 LATER = 20  # number of frames after the first; "later frame" is the median of their times
 
 Row = dict[str, float]
@@ -52,6 +63,12 @@ def steps(vertex_count: int, of_shape: dfd.Field) -> Row:
             frames.append(_timed(lambda: session.vertices))
         seconds["first frame" if handle == 1 else "second handle's frame"] = frames[0]
         seconds["later frame"] = float(np.median(frames[1:]))
+    for vertex in (mesh.vertices[:, 0].argmax(), mesh.vertices[:, 2].argmin()):
+        session.add(int(vertex))
+    marks = np.argsort(-session.following, axis=0)[: TARGETS // 4].ravel()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # some motions are not determined
+        seconds["fit"] = _timed(lambda: session.fit((marks, mesh.vertices[marks] + 0.02 * mesh.diagonal)))
     return seconds | {"memory": _resident("VmHWM") - before}
 
 

@@ -13,6 +13,15 @@ MOVED = 0.5  # vertices with at least this fraction of a handle's largest weight
 INTERCEPT, AREA_SLOPE, DISTANCE_SLOPE = 2.97, 2.76, 18.3
 
 
+def reason(before: Deformer, after: Deformer, handle: int) -> str:
+    """Return why a handle, given by its index, probably moves another part in `after`."""
+    area, distance = differences(before, after)[handle]
+    if AREA_SLOPE * area >= DISTANCE_SLOPE * distance:
+        shares = [float(_moved_surface(session)[0][handle]) for session in (after, before)]
+        return "it moves {:.1%} of the surface, and {:.1%} on the first shape".format(*shares)
+    return f"the surface that it moves lies {distance:.0%} of the diagonal from its place on the first shape"
+
+
 def agreements(before: Deformer, after: Deformer) -> tuple[float, ...]:
     """Return for each of H handles the probability that it moves corresponding parts in both sessions.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from dfd.batch.agreement import agreements
+from dfd.batch.agreement import agreements, reason
 from dfd.common import check
 from dfd.common.files import sha256_of_files
 from dfd.editing.deformer import Deformer
@@ -96,7 +96,7 @@ def carry(
     edit = original.edit
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
-    sure = [1.0] * len(names)
+    sure, why = [1.0] * len(names), [""] * len(names)
     deformer = Deformer(mesh, field, features=features, other_shape=force)
     if mesh.content_hash == original.mesh.content_hash:
         deformer.apply(edit)
@@ -105,13 +105,18 @@ def carry(
         deformer.apply(found.edit)
         looks = [*(found.similarity[handle.id] for handle in edit.handles), *found.fixed_similarity]
         sure = [min(CONFIDENT * each / similar, 1.0) for each in looks]
+        why = [f"its features are too different, with a similarity of {each:.2f}" for each in looks]
         for number, likely in enumerate(agreements(original.session, deformer)):
-            sure[number] = likely if sure[number] >= CONFIDENT else min(sure[number], likely)
+            unlike = sure[number] < CONFIDENT
+            if not unlike:
+                why[number] = reason(original.session, deformer, number)
+            sure[number] = min(sure[number], likely) if unlike else likely
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
     if confidence[least] < lowest and not force:
         raise UnlikeError(
-            f"{least} may be on a wrong part of this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}",
+            f"{least} may be on a wrong part of this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}, "
+            f"because {why[sure.index(confidence[least])]}",
             confidence,
         )
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))

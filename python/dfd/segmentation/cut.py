@@ -1,6 +1,6 @@
 """Divide the whole shape into parts: each patch belongs to the part that a handle there holds."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
@@ -17,42 +17,59 @@ LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a 
 FINEST = -4  # lowest level of the parts that handles find, if a cut should have more parts
 
 
-def aimed(trees: Trees, cut_at: Callable[[int], Int64], count: int) -> Int64:
-    """Return the part of each patch, (P,), in a cut that has `count` parts, if possible.
+@dataclass(frozen=True)
+class Ladders:
+    """The parts at H patches, which are spread evenly over the surface."""
 
-    `cut_at` is `cut_labels` as a function of the level. Handles find smaller parts until there are as many parts, and
-    then the smallest parts join others.
+    handles: Int64  # (H,)
+    parts: list[tuple[Bool, int]]  # masks (N, P) of the parts, the smallest first, and the index of the most likely one
+
+
+def ladders_of(trees: Trees) -> Ladders:
+    """Return the parts from which `cut_labels` chooses."""
+    handles = np.unique(trees.patches.orbit, return_index=True)[1][:HANDLES]
+    parts = []
+    for handle in handles.tolist():
+        found = candidates(trees, handle)
+        rungs, middle = ladder(found, trees.patches.area)
+        parts.append((found.regions[rungs], middle))
+    return Ladders(handles, parts)
+
+
+def cut_labels(trees: Trees, ladders: Ladders, count: int | None = None) -> Int64:
+    """Return the part of each patch, (P,). A part that is too small joins the part that it touches most.
+
+    If `count` is given, handles find smaller parts until there are as many, and then the smallest parts join others.
     """
-    cuts = [cut_at(0)]
-    while len(np.unique(cuts[-1])) < count and len(cuts) <= -FINEST:
-        cuts.append(cut_at(-len(cuts)))
-    label = max(cuts, key=lambda each: len(np.unique(each))).copy()
-    while len(numbers := np.unique(label)) > count:
-        joined = {number: other for number in numbers if (other := _beside(trees, label, number)) is not None}
-        if not joined:
+    label = _labels(trees, ladders, 0)
+    for level in range(-1, FINEST - 1, -1):
+        if count is None or len(np.unique(label)) >= count:
             break
-        small = min(joined, key=np.bincount(label, trees.patches.area).__getitem__)
-        label[label == small] = joined[small]
+        finer = _labels(trees, ladders, level)
+        if len(np.unique(finer)) > len(np.unique(label)):
+            label = finer
+    while count is not None and len(np.unique(label)) > count:
+        area = np.bincount(label, trees.patches.area)
+        beside = {number: _beside(trees, label, number) for number in np.unique(label).tolist()}
+        small = min((number for number in beside if beside[number] >= 0), key=area.__getitem__, default=None)
+        if small is None:
+            break
+        label = np.where(label == small, beside[small], label)
     return label
 
 
-def cut_labels(trees: Trees, level: int = 0) -> Int64:
-    """Return the part of each patch, (P,): parts at a level. A part that is too small joins the one it touches most."""
-    patches = trees.patches
-    handles = np.unique(patches.orbit, return_index=True)[1][:HANDLES]
+def _labels(trees: Trees, ladders: Ladders, level: int) -> Int64:
+    """Return the part of each patch, (P,), for parts at a level."""
     alike, groups = Alike(trees), list[list[Bool]]()  # the components of each part
-    of_handle = np.empty(len(handles), np.int64)
-    for row, handle in enumerate(handles.tolist()):
-        found = candidates(trees, handle)
-        rungs, middle = ladder(found, patches.area)
-        chosen = rungs[max(middle + level, 0)]
-        region = found.regions[chosen]
+    of_handle = np.empty(len(ladders.handles), np.int64)
+    for row, (regions, middle) in enumerate(ladders.parts):
+        region = regions[max(middle + level, 0)]
         same = [number for number, group in enumerate(groups) if any(_overlap(trees, region, one) for one in group)]
         if not same:
             same = [len(groups)]
             groups.append([region, *(each.region for each in alike.followers(region))])
         of_handle[row] = same[0]
-    return _without_fragments(trees, _nearest(trees, handles, of_handle, groups))
+    return _without_fragments(trees, _nearest(trees, ladders.handles, of_handle, groups))
 
 
 def _nearest(trees: Trees, handles: Int64, of_handle: Int64, groups: list[list[Bool]]) -> Int64:
@@ -88,16 +105,16 @@ def _without_fragments(trees: Trees, label: Int64) -> Int64:
         if patches.area[label == small].sum() >= LEAST_AREA:
             break
         beside = _beside(trees, label, small)
-        if beside is not None:
+        if beside >= 0:
             label[label == small] = beside
     return label
 
 
-def _beside(trees: Trees, label: Int64, part: int) -> int | None:
-    """Return the part that a part touches most; None if it touches none."""
+def _beside(trees: Trees, label: Int64, part: int) -> int:
+    """Return the part that a part touches most; −1 if it touches none."""
     borders = trees.patches.borders
     ends = label[borders.pairs]
     between = (ends == part).any(axis=1) & (ends[:, 0] != ends[:, 1])
     if not between.any():
-        return None
+        return -1
     return int(np.bincount(ends[between].sum(axis=1) - part, borders.length[between] + TINY).argmax())

@@ -21,7 +21,7 @@ from dfd.segmentation.alike import POSSIBLE, Alike
 from dfd.segmentation.border import snapped
 from dfd.segmentation.choose import candidates
 from dfd.segmentation.choose import ladder as ladder_of
-from dfd.segmentation.cut import aimed, cut_labels
+from dfd.segmentation.cut import Ladders, cut_labels, ladders_of
 from dfd.segmentation.follow import Follow
 from dfd.segmentation.levels import Ladder
 from dfd.segmentation.patches import Patches
@@ -134,8 +134,7 @@ class Parts:
         Raises ValueError if no face has an area above 0, or `count` is below 1.
         """
         wanted = None if count is None else check.whole("Parts.cut", "count", count, minimum=1)
-        patches = self._patches
-        label = self._cut_at(0) if wanted is None else aimed(self._trees, self._cut_at, wanted)
+        patches, label = self._patches, cut_labels(self._trees, self._cut_ladders, wanted)
         masks = label == np.unique(label)[:, None]
         claims = np.array([snapped(patches, inside) for inside in masks])
         # `snapped` moves borders to creases. Places that it puts into no part or several parts keep their patch's part.
@@ -246,16 +245,11 @@ class Parts:
         return int(self._nearest.query(point)[1])
 
     @cached_property
-    def _ladders(self) -> dict[int, Ladder]:
-        return {}
-
-    def _cut_at(self, level: int) -> Int64:
-        if level not in self._cuts:
-            self._cuts[level] = cut_labels(self._trees, level)
-        return self._cuts[level]
+    def _cut_ladders(self) -> Ladders:
+        return ladders_of(self._trees)
 
     @cached_property
-    def _cuts(self) -> dict[int, Int64]:
+    def _ladders(self) -> dict[int, Ladder]:
         return {}
 
     @cached_property

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from made_field import field_of
 
 import dfd
-from dfd.batch.agreement import agreements, differences
+from dfd.batch.agreement import agreements, differences, reason
 from dfd.batch.one_edit import Original, UnlikeError, carry
 from dfd.editing.transfer import Transferred, transfer
 
@@ -47,6 +49,7 @@ def test_a_shape_that_has_nothing_alike_is_refused_with_the_figures(other, origi
     with pytest.raises(UnlikeError) as refused:
         carry(original, other, field_of(other, seed=9), threshold=0.99)
     assert set(refused.value.confidence) == {"leg", "fixed 1"}
+    assert re.search(r", because it(s features are too different| moves .* %| .* lies)", str(refused.value))
     forced = carry(original, other, field_of(other, seed=9), threshold=0.99, force=True)
     assert forced.confidence == refused.value.confidence
     assert forced.unsure == tuple(name for name, sure in forced.confidence.items() if sure < 0.99) != ()
@@ -82,6 +85,18 @@ def test_a_handle_that_moves_another_part_is_unsure(mesh, original):
     assert unlikely < 0.5
     share, center = differences(session, wide)[0]
     assert unlikely == pytest.approx(1 / (1 + np.exp(-(2.97 - 2.76 * share - 18.3 * center))))
+
+
+@pytest.mark.parametrize(
+    ("apart", "message"),
+    [
+        ((0.5, 0.2), "the surface that it moves lies 20% of the diagonal from its place on the first shape"),
+        ((2.0, 0.2), r"it moves (\d+\.\d%) of the surface, and \1 on the first shape"),
+    ],
+)
+def test_the_larger_difference_is_the_reason(original, monkeypatch, apart, message):
+    monkeypatch.setattr("dfd.batch.agreement.differences", lambda *_: np.array([apart]))
+    assert re.fullmatch(message, reason(original.session, original.session, 0))
 
 
 def test_a_threshold_is_a_part(other, original):
