@@ -108,9 +108,9 @@ def test_without_a_field_one_is_distilled_by_the_preset(run, folder, monkeypatch
     monkeypatch.setattr(dfd, "distill", distilled)
     words = () if preset is None else ("--preset", preset)
     moved = ("--handle", 40, "--translate", 0, -0.2, 0)
-    assert worked(run("deform", "MESH", "--encoder", "some", *words, *moved, "-o", "out.ply"))
+    assert worked(run("deform", "MESH", "--encoder", "clip-vit-l-14", *words, *moved, "-o", "out.ply"))
     assert worked(run(*DEFORM, *words, *moved, "-o", "wanted.ply"))
-    assert asked == [("some", preset or "default")]
+    assert asked == [("clip-vit-l-14", preset or "default")]
     np.testing.assert_array_equal(dfd.load("out.ply").vertices, dfd.load("wanted.ply").vertices)
 
 

@@ -12,7 +12,7 @@ from dfd.field.field import Field
 
 def test_distill_hands_on_what_is_given(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
-    options = ("--encoder", "clip", "--device", "cpu", "--no-cache", "--preset", "paper")
+    options = ("--encoder", "clip-vit-l-14", "--device", "cpu", "--no-cache", "--preset", "paper")
     settings = (
         "--views",
         6,
@@ -31,7 +31,7 @@ def test_distill_hands_on_what_is_given(run, folder):
         assert worked(run("distill", "MESH", "-o", "other.safetensors"))
     assert worked(result)
     ((mesh, encoder), given), (_, plain) = distill.call_args_list
-    assert (len(mesh.vertices), encoder) == (2004, "clip")
+    assert (len(mesh.vertices), encoder) == (2004, "clip-vit-l-14")
     del given["progress"], plain["progress"]
     assert given == {
         "device": "cpu",
