@@ -13,6 +13,8 @@ namespace {
 class RowBlock {
 public:
     static constexpr std::size_t entry_bytes = sizeof(float), blocks_ahead = 1;
+    // With AVX-512, a block of 384 floats took 1.1 times as long as with `rows_to_lanes`, and one of 64 floats 0.6 times.
+    static constexpr std::size_t widest = width == 16 ? 128 : SIZE_MAX;
 
     RowBlock(const BindJob& job, std::size_t begin, std::size_t ahead)
         : rows_(static_cast<const float*>(job.features) + begin * job.dimension), dimension_(job.dimension),
@@ -47,7 +49,7 @@ private:
 // The entries of a block (D, 16) of float16.
 class HalfBlock {
 public:
-    static constexpr std::size_t entry_bytes = sizeof(std::uint16_t), blocks_ahead = 0;
+    static constexpr std::size_t entry_bytes = sizeof(std::uint16_t), blocks_ahead = 0, widest = SIZE_MAX;
 
     HalfBlock(const BindJob& job, std::size_t begin, std::size_t ahead)
         : halves_(static_cast<const std::uint16_t*>(job.features) + begin * job.dimension), ahead_(ahead)
@@ -175,6 +177,7 @@ struct FirstWeights {
 template <class FloatBlock>
 __attribute__((noinline)) FirstWeights bind_one_float(const BindJob& shared_job, std::size_t begin, std::size_t end)
 {
+    if (shared_job.dimension > FloatBlock::widest) return {0, no_fault};
     const BindJob job = shared_job;  // a local copy, so that stores cannot alias it
     bool suspect = false;
     const std::size_t bytes = job.dimension * block_size * FloatBlock::entry_bytes;
