@@ -75,7 +75,9 @@ export class Viewer {
     const canvas = document.createElement("canvas");
     [canvas.width, canvas.height] = [240, 180];
     const scale = stage.canvas.height / stage.height;
-    const [x, y] = stage.project(posed ? this.gizmo.proxy.position.toArray() : [0, 0, 0]) ?? [0, 0];
+    // With a pose, the middle of the picture is between that of the shape, which is the origin, and the handle.
+    const middle = this.gizmo.proxy.position.clone().multiplyScalar(posed ? 0.7 : 0);
+    const [x, y] = stage.project(middle.toArray()) ?? [0, 0];
     const radius = (shape?.radius ?? 1) / (stage.camera.position.distanceTo(stage.orbit.target) * stage.slopeOfPixel);
     // The part of the canvas that the picture shows, which is inside the canvas.
     const high = Math.min((posed ? 1.1 : 2.4) * radius * scale, stage.canvas.height, 0.75 * stage.canvas.width);
