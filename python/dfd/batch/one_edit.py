@@ -96,7 +96,7 @@ def carry(
     edit = original.edit
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
-    sure, why = [1.0] * len(names), [""] * len(names)
+    sure, looks, unlike = [1.0] * len(names), [1.0] * len(names), [False] * len(names)
     deformer = Deformer(mesh, field, features=features, other_shape=force)
     if mesh.content_hash == original.mesh.content_hash:
         deformer.apply(edit)
@@ -105,18 +105,20 @@ def carry(
         deformer.apply(found.edit)
         looks = [*(found.similarity[handle.id] for handle in edit.handles), *found.fixed_similarity]
         sure = [min(CONFIDENT * each / similar, 1.0) for each in looks]
-        why = [f"its features are too different, with a similarity of {each:.2f}" for each in looks]
+        unlike = [each < CONFIDENT for each in sure]
         for number, likely in enumerate(agreements(original.session, deformer)):
-            unlike = sure[number] < CONFIDENT
-            if not unlike:
-                why[number] = reason(original.session, deformer, number)
-            sure[number] = min(sure[number], likely) if unlike else likely
+            sure[number] = min(sure[number], likely) if unlike[number] else likely
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
     if confidence[least] < lowest and not force:
+        number = sure.index(confidence[least])
+        if number < len(edit.handles) and not unlike[number]:
+            why = reason(original.session, deformer, number)
+        else:
+            why = f"its features are too different, with a similarity of {looks[number]:.2f}"
         raise UnlikeError(
             f"{least} may be on a wrong part of this shape: confidence {confidence[least]:.2f} is below {lowest:.2f}, "
-            f"because {why[sure.index(confidence[least])]}",
+            f"because {why}",
             confidence,
         )
     return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))

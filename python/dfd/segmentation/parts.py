@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dfd.common import check
+from dfd.common.kept import Kept
 from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, first_at_place
@@ -212,15 +213,13 @@ class Parts:
     def _ladder(self, vertex: int) -> Ladder:
         """Return the levels at the patch of a vertex. Those used last are kept."""
         patch = int(self._patches.of_vertex[vertex])
-        ladder = self._ladders.pop(patch, None)
-        if ladder is None:
+
+        def find() -> Ladder:
             found = candidates(self._trees, patch)
             rungs, middle = ladder_of(found, self._patches.area)
-            ladder = Ladder(self._alike, list(found.regions[rungs]), middle, found.clear)
-            while len(self._ladders) >= MOST_LADDERS:
-                del self._ladders[next(iter(self._ladders))]
-        self._ladders[patch] = ladder
-        return ladder
+            return Ladder(self._alike, list(found.regions[rungs]), middle, found.clear)
+
+        return self._ladders.get("ladder", patch, find)
 
     def _count(self, inside: Bool) -> int:
         """Return the number of components of the patches `inside` (P,) that are no fragments."""
@@ -249,8 +248,8 @@ class Parts:
         return ladders_of(self._trees)
 
     @cached_property
-    def _ladders(self) -> dict[int, Ladder]:
-        return {}
+    def _ladders(self) -> Kept:
+        return Kept(MOST_LADDERS)
 
     @cached_property
     def _alike(self) -> Alike:

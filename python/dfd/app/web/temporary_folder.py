@@ -35,14 +35,15 @@ class TemporaryFolder:
 
 def _delete_if_unused(path: Path) -> None:
     """Delete a folder whose server has ended. A folder without a lock may belong to a server that starts just now."""
-    if not path.is_dir() or path.is_symlink() or not (path / LOCK).exists():
-        if path.is_dir() and not path.is_symlink() and time.time() - path.stat().st_mtime > STARTING:
-            shutil.rmtree(path, ignore_errors=True)
+    if path.is_symlink() or not path.is_dir():
         return
-    lock = FileLock(path / LOCK)
-    try:
-        lock.acquire(timeout=0)
-    except Timeout:
+    if (path / LOCK).exists():
+        lock = FileLock(path / LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            return
+        lock.release()
+    elif time.time() - path.stat().st_mtime <= STARTING:
         return
-    lock.release()
     shutil.rmtree(path, ignore_errors=True)
