@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, distinct_pairs, group_sums
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs, group_sums
 from dfd.common.threads import get_num_threads
 from dfd.geometry.surface_graph import GAPS, seam_links, surface_graph, surface_links
 from dfd.geometry.topology import face_sides, first_at_place, vertex_areas
@@ -121,10 +121,15 @@ class Nodes:
         _core.interpolate(self._vertices, self.center, *index, rows, found, get_num_threads())
         return found.reshape(len(chosen), *values.shape[1:])
 
-    def nearest(self, points: ArrayLike) -> Int64:
-        """Return the vertex (M,) nearest to each of `points` (M, 3). Only the eight nearest nodes are searched."""
+    def nearest(self, points: ArrayLike, inside: Bool | None = None) -> Int64:
+        """Return the vertex (M,) nearest to each of `points` (M, 3). Only the eight nearest nodes are searched.
+
+        With `inside` (N,), only nodes for which it is True are searched.
+        """
         queries = np.reshape(points, (-1, 3)).astype(np.float64)
-        around = self.tree.query(queries, k=min(8, len(self.center)))[1].reshape(len(queries), -1)
+        some = np.arange(len(self.center)) if inside is None else np.flatnonzero(inside)
+        tree = self.tree if inside is None else cKDTree(self.center[some])
+        around = some[tree.query(queries, k=min(8, len(some)))[1].reshape(len(queries), -1)]
         found = np.empty(len(queries), np.int64)
         for i, nodes in enumerate(around):
             members = np.concatenate([self.members[self.starts[node] : self.ends[node]] for node in nodes])

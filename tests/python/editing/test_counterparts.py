@@ -218,6 +218,19 @@ def test_a_mirror_image_of_a_mirror_image_has_the_product_of_both_reflections():
     assert last.vertex == 2 * len(one.vertices) + 700
 
 
+def test_a_counterpart_is_a_vertex_of_its_own_component():
+    """A ball at the mirror image of the handle, 1 % beside the image of its hook, is a component of its own."""
+    plane, one, ball = plane_of(), hook(), trimesh.creation.icosphere(radius=0.02)
+    images = [one.vertices, plane.reflect(one.vertices) + 0.005]
+    ball.apply_translation(plane.reflect(one.vertices[[700]])[0] - ball.vertices[0])
+    faces = [one.faces, one.faces + len(one.vertices), ball.faces + 2 * len(one.vertices)]
+    mesh = Mesh(np.concatenate([*images, ball.vertices]), np.concatenate(faces))
+    component = np.repeat(np.arange(3), [len(one.vertices), len(one.vertices), len(ball.vertices)])
+    _, other, _ = find(mesh, np.linspace(1, 0.5, len(mesh.vertices)).astype(np.float32), 700, component, plane)
+    np.testing.assert_array_equal(other.image, plane.reflection[:3])
+    assert component[other.vertex] == 1
+
+
 def test_a_round_counterpart_turns_about_its_own_center():
     """The rear wheel is larger than the front wheel, so it is no mirror image. Its most similar vertex is anywhere."""
     wheels = [trimesh.creation.cylinder(radius, 0.2, sections=48) for radius in (0.5, 0.8)]

@@ -92,7 +92,7 @@ def find_counterparts(
         image = _image(surfaces[index], surfaces, found, planes)
         if image is not None:
             x, y, z = (image[:, :3] @ np.asarray(position, np.float64) + image[:, 3]).tolist()
-            peak, frame = int(nodes.nearest((x, y, z))[0]), image[:, :3]
+            peak, frame = int(nodes.nearest((x, y, z), component == number)[0]), image[:, :3]
         else:
             most = int(np.where(component == number, on_nodes, -np.inf).argmax())
             members = nodes.members[nodes.starts[most] : nodes.ends[most]]
