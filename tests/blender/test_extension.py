@@ -232,7 +232,9 @@ class Session:
 
     @property
     def weights(self) -> np.ndarray:
-        return self.bound.weights(self.edit)
+        from dfd.editing.weights.of_handles import weights_of
+
+        return weights_of(self.bound, self.edit)
 
     def save(self, path: Path) -> None:
         from dfd.editing.edit_file import write_edit

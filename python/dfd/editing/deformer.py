@@ -26,7 +26,8 @@ from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.transfer import transfer
 from dfd.editing.weights import handle_features
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
+from dfd.editing.weights.of_handles import check_targets, following, weights_of
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
@@ -154,7 +155,8 @@ class Deformer(History):
 
         Raises ValueError if there is no such handle.
         """
-        return self.bound.counterparts(self.edit, self.edit.handle(handle))
+        one = self.edit.handle(handle)
+        return self.bound.counterparts(one, self.bound.held(self.edit, one))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
@@ -163,8 +165,8 @@ class Deformer(History):
 
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
-        if rebinds:
-            self._shape(edit.preset)[0].check_targets(edit)
+        if rebinds and edit.fixed:
+            check_targets(self._shape(edit.preset)[0], edit)
         self._record(edit, topic, merge)
 
     @public
@@ -545,12 +547,12 @@ class Deformer(History):
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
-        return _read_only(self.bound.weights(self.edit))
+        return _read_only(weights_of(self.bound, self.edit))
 
     @property
     def following(self) -> Float32:
         """Return the weights (V, H) with which vertices follow the handles. Counterparts that do not move have none."""
-        return self.bound.following(self.edit)
+        return following(self.bound, self.edit)
 
     @property
     def transforms(self) -> Float64:

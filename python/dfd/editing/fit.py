@@ -19,11 +19,9 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing import verbs
-from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit
 from dfd.editing.points import nearest_vertex, place_on
-from dfd.editing.shape import PosedShape
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.shape import PosedShape, blend_of, blends_nested, resting
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import pose
@@ -135,7 +133,7 @@ class _Problem:
     def __init__(self, edit: Edit, weights: SessionWeights, order: Sequence[int], motion: Motion) -> None:
         self.edit, self.weights, self.order, self.motion = edit, weights, order, motion
         self.count, self.size = COUNTS[motion], weights.mesh.diagonal
-        self.rest = weights.bent(edit)
+        self.rest = resting(weights, edit)
         self.values, self.columns = weights.columns(edit)
         self.how = blend_of(weights.mesh, edit, self.values, self.columns, self.rest)
         del self.how["rotations"]  # each fitted motion has the smallest rotation
@@ -178,9 +176,7 @@ class _Problem:
         for column, one in enumerate(self.columns):
             if one.handle in self.order:
                 position = self.edit.handles[one.handle].place.position
-                transforms[:, column] = _at_counterpart(
-                    one.counterpart, matrices[:, self.order.index(one.handle)], np.asarray(position)
-                )
+                transforms[:, column] = one.counterpart.transform(matrices[:, self.order.index(one.handle)], position)
         if self.nested and exact:
             for b, each in enumerate(unknowns):
                 found = blend_of(self.weights.mesh, self.edit_of(each), self.values, self.columns, self.rest)
@@ -241,15 +237,6 @@ class _Problem:
             if names:
                 result[k] = tuple(names)
         return result
-
-
-def _at_counterpart(counterpart: Counterpart, affine: Float64, position: Float64) -> Float64:
-    """Return `counterpart.transform` of a batch of transforms `affine` (B, 3, 4) of a handle at `position` (3,)."""
-    here, frame = np.asarray(counterpart.position), counterpart.frame
-    linear = frame @ affine[:, :, :3] @ frame.T
-    moved = affine[:, :, :3] @ position + affine[:, :, 3] - position
-    shift = here + moved @ frame.T - linear @ here
-    return np.concatenate([linear, shift[:, :, None]], axis=2)
 
 
 def _posed(edit: Edit, weights: SessionWeights) -> Float64:

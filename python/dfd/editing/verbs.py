@@ -15,7 +15,7 @@ from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import VertexSet
-from dfd.editing.weights.axis_motions import bend_vector, pivot_on
+from dfd.editing.weights.axis_motions import bend_vector, bendable_parts, level_with_axis, pivot_on
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
@@ -37,9 +37,25 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
     new = Handle(handle, place, transform, controls, name)
     if matrix is None and all(value is None for value in parts.values()):
-        new = replace(new, transform=weights.taken_over(edit, new))
+        new = replace(new, transform=_taken_over(edit, weights, new))
     added = replace(edit, handles=(*edit.handles, new))
     return _with_matrix(_on_part(added, weights, handle, parts, Transform()), handle, matrix)
+
+
+def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new handle, see `several_handles`."""
+    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+    if not moving or edit.rules.overlap != "add":
+        return handle.transform
+    from dfd.editing.weights.several_handles import taken_over
+
+    if len(moving) > 1:
+        before = [column for column in weights.plan(edit).columns if column.handle in moving]
+    else:
+        before = weights.columns_of(edit, moving[0], edit.handles[moving[0]], split=True)
+    with_new = replace(edit, handles=(*edit.handles, handle))
+    own = weights.columns_of(with_new, len(edit.handles), handle, split=True)[0]
+    return taken_over(edit, handle, weights.rows.anchor(handle.place), own, before, weights.mesh)
 
 
 def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any]) -> Edit:
@@ -89,7 +105,7 @@ def change(
     changed, pivot_at = edit.replaced(new), held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if pivot_at not in ("point", "plane") and not weights.bendable_parts(changed, new):
+    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, new):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -188,11 +204,11 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     part: dict[str, Any] = {}
     if pivot in ("point", "plane"):
         part["pivot"], part["pivot_at"] = pivot_on(None, found.pop("pivot"), held, edit.symmetry)
-    parts = weights.bendable_parts(edit, held) if found or not part else []
+    parts = bendable_parts(weights, edit, held) if found or not part else []
     if not parts:
         if not found:
             return edit.replaced(replace(held, transform=transform.changed(**part)))
-        level = weights.level_with_axis(edit, held)
+        level = level_with_axis(weights, edit, held)
         instead = "" if level is None else f"; the part at level {level} has one"
         raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
     own = parts[0]

@@ -47,12 +47,13 @@ def formula(mesh, component, motion):
     n = min(max(h, 3 * across.max() - o, 3 * along.max()), component.inward)
     if len(component.border):
         weights *= step((component.depth + o) / (o + n))
-    if component.kept:
-        moves = [opening(each, motion) for each in component.kept]
+    contacts = component.contacts
+    if contacts is not None and contacts.kept:
+        moves = [opening(each, motion) for each in contacts.kept]
         limits = [max(0.001 * size, sigma / 4) for _, sigma in moves]
         loose = min(max(min(0.001 * size, t - delta), 0) for t, (delta, _) in zip(limits, moves, strict=True))
         kept = max(3 * max(delta - t / 2, 0) for t, (delta, _) in zip(limits, moves, strict=True))
-        weights *= step((component.apart + loose) / max(loose + min(kept, component.free), 1e-30))
+        weights *= step((contacts.apart + loose) / max(loose + min(kept, contacts.free), 1e-30))
     return weights
 
 

@@ -7,7 +7,7 @@ from made_field import field_of
 import dfd
 from dfd.editing.controls import Controls
 from dfd.editing.weights import held_part, session_weights
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
 from dfd.export.rig import rig_of
 from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts

@@ -18,11 +18,10 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.fill import Portion, whole
+from dfd.editing.weights.fill import Component, Counterpart, Portion, whole
 from dfd.editing.weights.fixed_points import kept_by_fixed_points
 from dfd.editing.weights.handle_features import HandleFeatures
-from dfd.editing.weights.held_part import Component, HeldPart
+from dfd.editing.weights.held_part import HeldPart
 from dfd.geometry.coarse import Share
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.points import Place
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
 from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.editing.weights.held_part import HeldPart
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.fill import Column, filled_at_rest, whole
+from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest, whole
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
@@ -95,7 +95,25 @@ def taken_over(edit: Edit, handle: Handle, vertex: int, own: Column, before: Seq
     source = edit.handles[found.handle]
     if source.transform.bends:
         return handle.transform
-    return found.counterpart.motion(source.transform, source.place.position)
+    return _motion_at(found.counterpart, source.transform, source.place.position)
+
+
+def _motion_at(counterpart: Counterpart, motion: Transform, position: Sequence[float]) -> Transform:
+    """Return the motion of a counterpart, without bend and twist, for that of a handle at `position` (3,)."""
+    frame = counterpart.frame
+    if not motion.turns:
+        return Transform().changed(translation=frame @ motion.translation)
+    pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
+    axes = None if motion.axes is None else np.asarray(motion.axes)
+    if axes is None and len(set(motion.scale)) > 1:
+        axes = np.eye(3)
+    return Transform().changed(
+        translation=frame @ motion.translation,
+        rotation=np.linalg.det(frame) * frame @ motion.rotation,  # rotation vectors are pseudovectors
+        scale=motion.scale,
+        pivot=counterpart.position + frame @ pivot,
+        axes=None if axes is None else axes @ frame.T,
+    )
 
 
 def supports(weights: Float32) -> Bool:
