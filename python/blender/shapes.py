@@ -99,7 +99,7 @@ class Shape:
         """
         if edit.fixed:
             check_targets(self._weights, edit)
-        poses, posed = checked_poses("Shape.applied", edit.poses, edit), PosedShape(self.mesh, self._weights)
+        poses, posed = checked_poses("Shape.applied", edit.poses, edit), PosedShape(self._weights)
         weights = weights_of(self._weights, edit)
         return Applied(
             {handle.id: weights[:, column] for column, handle in enumerate(edit.handles)},

@@ -228,7 +228,7 @@ class Session:
     def vertices(self) -> np.ndarray:
         from dfd.editing.shape import PosedShape
 
-        return PosedShape(self.mesh, self.bound).of(self.edit)
+        return PosedShape(self.bound).of(self.edit)
 
     @property
     def weights(self) -> np.ndarray:

@@ -96,6 +96,10 @@ def fit(
     open_motions = problem.undetermined(found, offset)
     after = _distances(found, _posed(problem.edit, weights))
     missing = {chosen[k]: names for k, names in open_motions.items()}
+    if missing:
+        told = ", ".join(f"handle {handle}: {' and '.join(names)}" for handle, names in missing.items())
+        least = f"`targets` do not determine all motions ({told}); these are as small as possible"
+        check.warn(f"Deformer.fit: {least}", UserWarning)
     return problem.edit, Fit(float(after.mean()), float(after.max()), float(before.mean()), missing)
 
 
@@ -241,7 +245,7 @@ class _Problem:
 
 def _posed(edit: Edit, weights: SessionWeights) -> Float64:
     """Return the posed vertices (V, 3) of `edit`."""
-    return PosedShape(weights.mesh, weights).of(edit)
+    return PosedShape(weights).of(edit)
 
 
 def _with_pivots(edit: Edit, weights: SessionWeights, chosen: Sequence[int]) -> Edit:

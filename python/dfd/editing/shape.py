@@ -10,11 +10,13 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.weights.fill import Band, Column, bands_of, fill
+from dfd.editing.weights.fill import Column, bands_of, fill
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
 from dfd.posing.transforms import Transform
+
+Skin = tuple[Float32, tuple[Column, ...]]  # weights (V, C), and their columns
 
 
 class PosedShape:
@@ -24,18 +26,10 @@ class PosedShape:
     transforms of at most half of the handles. A frame only changes the weights of these handles, in their blend bands.
     """
 
-    def __init__(
-        self, mesh: Mesh, weights: SessionWeights, columns: tuple[Float32, tuple[Column, ...]] | None = None
-    ) -> None:
-        """Store the arguments. `columns` are weights (V, C) and their columns for all edits, as those of a skin.
-
-        If `columns` is None, each edit determines its own.
-        """
-        self._mesh = mesh
-        self._weights = weights
-        self._skin = columns
-        self._edit = Edit()
-        self._vertices = mesh.vertices
+    def __init__(self, weights: SessionWeights, skin: Skin | None = None) -> None:
+        """Store the arguments. A `skin` replaces the weights of every edit."""
+        self.weights, self._mesh, self._skin = weights, weights.mesh, skin
+        self._edit, self._vertices = Edit(), weights.mesh.vertices
         self._drag: _MovingColumns | None = None
 
     def of(self, edit: Edit) -> Float64:
@@ -56,52 +50,37 @@ class PosedShape:
         if self._drag is not None and not self._drag.handles >= set(moved):
             self._drag = None
         if self._drag is None and self._skin is None:
-            plan = self._weights.plan(edit)
+            plan = self.weights.plan(edit)
             default = edit.default is not None and any(column.banded for column in plan.columns)
             if plan.crowded or default or blends_nested(edit, plan.columns):
                 return self._whole(edit)  # weights or transforms of handles at rest, or of the default, change too
         if self._drag is None:
-            weights, columns = self._columns(edit)
-            moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            rest = resting(self._weights, edit)
-            drag = Drag(rest, weights, moving=moving, **blend_of(self._mesh, edit, weights, columns, rest))
-            rows = [drag.weights[:, row] for row in (range(len(moving)) if edit.blending == "linear" else moving)]
-            bands = None if self._skin is not None else [self._weights.bands(edit)[i] for i in moving]
-            self._drag = _MovingColumns(self._mesh, drag, columns, moving, rows, bands)
+            self._drag = _MovingColumns(self.weights, edit, moved, self._skin)
         return self._drag.pose(edit)
 
-    def _columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        return self._weights.columns(edit) if self._skin is None else self._skin
-
     def _whole(self, edit: Edit) -> Float64:
-        if _pose_key(edit) == _pose_key(Edit()):
+        if _pose_key(edit) == ([], None):
             return self._mesh.vertices  # nothing moves, so the weights are not needed
-        bent = resting(self._weights, edit)
+        bent = resting(self.weights, edit)
         if edit.default is None and not any(_moves(handle) for handle in edit.handles):
             return bent  # handles only bend and twist the parts that they hold
-        weights, columns = self._columns(edit)
+        weights, columns = self.weights.columns(edit) if self._skin is None else self._skin
         return pose(bent, weights, **blend_of(self._mesh, edit, weights, columns, bent))
 
 
 class _MovingColumns:
-    """A drag, and the columns that it moves. Their weights are changed in place where bands change."""
+    """A drag of some handles. The weights of their columns are changed in place where blend bands change."""
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        drag: Drag,
-        columns: Sequence[Column],
-        moving: Sequence[int],
-        weights: Sequence[Float32],
-        bands: list[tuple[Band, ...]] | None,
-    ) -> None:
-        """Store the arguments. `moving` are the indices of the `columns` that move.
-
-        `weights` are their columns (V,) of `drag.weights`; with `bands` None, they do not change.
-        """
-        self._mesh, self._drag, self._all, self._columns = mesh, drag, columns, [columns[i] for i in moving]
-        self._weights, self._bands = weights, bands
-        self.handles = {column.handle for column in self._columns}
+    def __init__(self, weights: SessionWeights, edit: Edit, moved: Sequence[int], skin: Skin | None) -> None:
+        """Begin to move the handles with the indices `moved`. With a `skin`, its weights do not change."""
+        values, self._all = weights.columns(edit) if skin is None else skin
+        moving = [i for i, column in enumerate(self._all) if column.handle in moved]
+        rest = resting(weights, edit)
+        self._drag = Drag(rest, values, moving=moving, **blend_of(weights.mesh, edit, values, self._all, rest))
+        rows = range(len(moving)) if edit.blending == "linear" else moving
+        self._weights = [self._drag.weights[:, row] for row in rows]
+        self._bands = None if skin is not None else [weights.bands(edit)[i] for i in moving]
+        self._mesh, self._columns, self.handles = weights.mesh, [self._all[i] for i in moving], set(moved)
 
     def pose(self, edit: Edit) -> Float64:
         """Return the vertices (V, 3) of `edit`."""

@@ -112,7 +112,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ below)
     of, sides = np.array(of_column, int), np.array(mirrored, bool)
-    posed = PosedShape(session.mesh, session.bound, (weights, columns))
+    posed = PosedShape(session.bound, (weights, columns))
     return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
 
 

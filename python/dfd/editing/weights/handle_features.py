@@ -30,8 +30,10 @@ class HandleFeatures:
     `kept` is the cache of all steps that compute weights on this mesh.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None, *, full: bool = False) -> None:
         """Store `features` (V, D). If they are None, evaluate the field when features are first needed.
+
+        With `full`, features are evaluated in full, even above `MOST_EXACT` vertices.
 
         Raises ValueError if `features` is not finite, or its array shape does not fit the mesh and the field.
         """
@@ -44,7 +46,7 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features: Float32 | CompactFeatures | None = features
-        self.full = False  # if True, features are evaluated in full, even above `MOST_EXACT` vertices
+        self._full = full
         self.kept = Kept(SPARE, **MOST)
 
     @property
@@ -58,7 +60,7 @@ class HandleFeatures:
         """Evaluate the features, unless they exist. `progress` gets the number of rows since its previous call."""
         if self._features is not None:
             return
-        if len(self._mesh.vertices) > MOST_EXACT and not self.full:
+        if len(self._mesh.vertices) > MOST_EXACT and not self._full:
             self._features = compact(self._on_mesh, progress=progress)
         else:
             self._features = self._field.features(self._mesh)

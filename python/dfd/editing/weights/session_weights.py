@@ -47,10 +47,10 @@ class SessionWeights:
     mesh.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        """Store `features` (V, D), or None, as `HandleFeatures` does."""
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None, *, full: bool = False) -> None:
+        """Store `features` (V, D), or None, as `HandleFeatures` does, and use them in full if wanted."""
         self.mesh, self.field = mesh, field
-        self.rows = HandleFeatures(mesh, field, features)
+        self.rows = HandleFeatures(mesh, field, features, full=full)
         self.axes, self._kept = PartAxes(mesh), self.rows.kept
 
     # --- the pipeline, from the last step to the first
