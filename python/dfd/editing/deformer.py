@@ -24,6 +24,7 @@ from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.transfer import transfer
+from dfd.editing.verbs import ControlOptions, HandleOptions, MotionOptions
 from dfd.editing.weights import handle_features
 from dfd.editing.weights.fill import Counterpart
 from dfd.editing.weights.of_handles import check_targets, following, weights_of
@@ -38,8 +39,6 @@ from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-    from dfd.editing.keywords import ControlOptions, HandleOptions, MotionOptions
 
 
 class Deformer(History):

@@ -3,22 +3,65 @@
 The argument `weights` also gives the session's mesh, the parts of the mesh, and the parts that handles hold.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.points import Place, place_on
+from dfd.editing.presets import Counterparts
 from dfd.editing.regions import VertexSet
 from dfd.editing.weights.axis_motions import bend_vector, bendable_parts, level_with_axis, pivot_on
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
+from dfd.weights.bind import Falloff
+
+Pivot = ArrayLike | Literal["auto", "base", "middle", "point", "plane", "hinge"]
+
+
+class MotionOptions(TypedDict, total=False):
+    """The motions of a handle; `Deformer.add` explains them."""
+
+    translation: ArrayLike | None
+    rotation: Any  # also a rotation of SciPy
+    scale: ArrayLike | None
+    pivot: Pivot | None
+    axes: ArrayLike | Literal["auto", "normal"] | None
+    bend: Any
+    towards: Any
+    twist: float | None
+    joint: float | Literal["spread", "auto", "here"] | None
+    open: float | None
+    matrix: ArrayLike | None
+
+
+class ControlOptions(TypedDict, total=False):
+    """The controls of a handle, see `dfd.editing.controls.Controls`."""
+
+    reach: float | Literal["part"] | None
+    level: int | None
+    follow: Follow | None
+    falloff: Falloff | None
+    locality: float | None
+    radius: float | str | None
+    strength: float | None
+    counterparts: Counterparts | None
+    excluded_counterparts: Sequence[Any] | None
+    detach: bool | None
+    mask: Any
+    mask_feather: float | str | None
+
+
+class HandleOptions(MotionOptions, ControlOptions, total=False):
+    """The motions and the controls of a handle."""
+
 
 OF_MATRIX = ("translation", "rotation", "scale", "axes", "open")  # the motions that `matrix` determines
 

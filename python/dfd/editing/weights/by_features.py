@@ -145,11 +145,11 @@ class WeightsByFeatures:
     def _left(self, fixed: tuple[Fixed, ...], place: Place) -> float:
         """Return the weight of a handle at its own place, in [0, 1], after the subtraction of fixed points (Eq. 6)."""
         most = 0.0
-        own = self._rows.of([place])
+        own = self._rows.of(place)
         for each in fixed:
             if self._rows.holds(each.place, place):
                 most = max(most, each.strength)
-            apart = np.linalg.norm(own[:, None] - self._rows.of([each.place])[None], axis=2)
+            apart = np.linalg.norm(own[:, None] - self._rows.of(each.place)[None], axis=2)
             most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - most
 

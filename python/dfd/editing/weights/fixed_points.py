@@ -26,7 +26,7 @@ def kept_by_fixed_points(
     rows: HandleFeatures, points: Float64, edit: Edit, handle: Handle, held: HeldPart
 ) -> list[Factor]:
     """Return for each component of `held` a factor of its weights. `points` (V, 3) are the vertices."""
-    own = rows.of([handle.place])
+    own = rows.of(handle.place)
     looks = [rows.of_vertices(np.array([each.counterpart.vertex])) for each in held.components]
     still = np.ones(len(held.components))  # factors of whole components
     dividing: list[tuple[Float64, float]] = []
