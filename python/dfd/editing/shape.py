@@ -50,9 +50,9 @@ class PosedShape:
         if self._drag is not None and not self._drag.handles >= set(moved):
             self._drag = None
         if self._drag is None and self._skin is None:
-            plan = self.weights.plan(edit)
-            default = edit.default is not None and any(column.banded for column in plan.columns)
-            if plan.crowded or default or blends_nested(edit, plan.columns):
+            columns = self.weights.plan(edit)
+            default = edit.default is not None and any(column.banded for column in columns)
+            if default or any(column.crowd for column in columns) or blends_nested(edit, columns):
                 return self._whole(edit)  # weights or transforms of handles at rest, or of the default, change too
         if self._drag is None:
             self._drag = _MovingColumns(self.weights, edit, moved, self._skin)

@@ -93,7 +93,7 @@ def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transfor
     from dfd.editing.weights.several_handles import taken_over
 
     if len(moving) > 1:
-        before = [column for column in weights.plan(edit).columns if column.handle in moving]
+        before = [column for column in weights.plan(edit) if column.handle in moving]
     else:
         before = weights.columns_of(edit, moving[0], edit.handles[moving[0]], split=True)
     with_new = replace(edit, handles=(*edit.handles, handle))

@@ -6,6 +6,7 @@ import trimesh
 from made_field import field_of
 
 import dfd
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import from_document, to_document
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
@@ -107,9 +108,9 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
 def test_of_many_parts_those_used_last_are_kept(mesh, field, monkeypatch):
     monkeypatch.setattr(session_weights, "SPARE", 2)
     session = dfd.Deformer(mesh, field)
-    first, second, third = (place_on(mesh, vertex) for vertex in (0, 300, 900))
-    held = [session.bound.hold(place) for place in (first, second, first)]
-    session.add(third.vertex)
+    first, second = (Handle(1, place_on(mesh, vertex)) for vertex in (0, 300))
+    held = [session.bound.held(Edit(), handle) for handle in (first, second, first)]
+    session.add(900)
     _ = session.following
-    assert session.bound.hold(first) is held[0] is held[2]
-    assert session.bound.hold(second) is not held[1]
+    assert session.bound.held(Edit(), first) is held[0] is held[2]
+    assert session.bound.held(Edit(), second) is not held[1]

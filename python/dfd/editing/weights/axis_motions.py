@@ -67,7 +67,7 @@ def bendable_parts(session: SessionWeights, edit: Edit, handle: Handle) -> list[
     plan, anchor = session.plan(edit), session.rows.anchor(handle.place)
 
     def find() -> list[BendablePart]:
-        own = [column for column in plan.columns if column.handle == number]
+        own = [column for column in plan if column.handle == number]
         pairs = list(zip(filled_at_rest(own, session.mesh).T, own, strict=True))
         if all(column.component is not None for column in own):
             pieces = [piece for pair in pairs for piece in _pieces(session.axes, pair[0], [pair], anchor)]

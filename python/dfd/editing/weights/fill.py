@@ -143,6 +143,8 @@ class Column:
     portions: tuple[Portion, ...]
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
     depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
+    # crowd: of the first column of a group, the group, and the vertices (N,) at which its sum may be above 1
+    crowd: tuple[list[int], Int64] | None = None
 
     def matrix(self, edit: Edit, most: float = np.inf) -> Float64:
         """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart.

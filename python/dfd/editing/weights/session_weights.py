@@ -6,7 +6,6 @@ place, level ─ part (segmentation) ─ held part ─ share (several handles) �
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -29,15 +28,6 @@ from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
     from dfd.editing.weights.by_features import WeightsByFeatures
-    from dfd.editing.weights.several_handles import Crowd
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """The columns of an edit, and the vertices at which the weights of several handles may have a sum above 1."""
-
-    columns: tuple[Column, ...]
-    crowded: tuple[Crowd, ...] = ()
 
 
 class SessionWeights:
@@ -62,28 +52,28 @@ class SessionWeights:
 
         `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
         """
-        plan = self.plan(edit)
+        columns = self.plan(edit)
         chosen = tuple(self.bands(edit) if bands is None else bands)
 
         def find() -> Float32:
-            weights = filled(plan.columns, chosen, self.mesh)
-            if plan.crowded:
+            weights = filled(columns, chosen, self.mesh)
+            if any(column.crowd is not None for column in columns):
                 from dfd.editing.weights.several_handles import limited
 
-                weights = limited(plan.crowded, weights)
+                weights = limited(columns, weights)
             weights.flags.writeable = False
             return weights
 
-        return self._kept.get("weights", (plan, chosen), find), plan.columns
+        return self._kept.get("weights", (columns, chosen), find), columns
 
     def bands(self, edit: Edit, moved: Edit | None = None) -> list[tuple[Band, ...]]:
         """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12), for the motions of `moved`.
 
         If `moved` is None, the motions are those of `edit`.
         """
-        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit).columns]
+        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit)]
 
-    def plan(self, edit: Edit) -> Plan:
+    def plan(self, edit: Edit) -> tuple[Column, ...]:
         """Return the columns of all handles. They depend on motions only by which handles move.
 
         If several handles move, `several_handles` decides which of them moves which component.
@@ -92,7 +82,7 @@ class SessionWeights:
         key = (told, edit.fixed, edit.preset, edit.symmetry, edit.sharing)
         return self._kept.get("plan", key, lambda: self._planned(edit))
 
-    def _planned(self, edit: Edit) -> Plan:
+    def _planned(self, edit: Edit) -> tuple[Column, ...]:
         self.make_room(len(edit.handles))
         columns = [
             column
@@ -100,11 +90,11 @@ class SessionWeights:
             for column in self.columns_of(edit, number, handle, split=number in edit.sharing or is_split(handle))
         ]
         if not edit.sharing:
-            return Plan(tuple(columns))
+            return tuple(columns)
         from dfd.editing.weights.several_handles import shared
 
         vertex_of = {number: self.rows.anchor(edit.handles[number].place) for number in edit.sharing}
-        return Plan(*shared(columns, vertex_of, self.mesh))
+        return shared(columns, vertex_of, self.mesh)
 
     def columns_of(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
         """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
@@ -145,21 +135,16 @@ class SessionWeights:
         return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
 
     def held(self, edit: Edit, handle: Handle) -> HeldPart | None:
-        """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
-        level = handle.controls.level if handle.controls.reach == "part" else 0
-        return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
+        """Return the part that a handle holds at rest, or whose components share its weights; None if there is none.
 
-    def hold(
-        self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False
-    ) -> HeldPart | None:
-        """Return the part at a place, at rest; None if there is no part, such as on a ball.
-
-        `level` is as in `Parts.part`, and `detach` as in the function `hold`. If given, `plane` replaces the shape's
-        planes of symmetry.
+        On a ball, for example, there is no part. The plane of symmetry of `edit` replaces the planes of the shape.
         """
-        return self._kept.get("part", (place, level, plane, detach), lambda: self._held(place, level, plane, detach))
+        controls = handle.controls
+        level = controls.level if controls.reach == "part" else 0
+        key = handle.place, level, edit.symmetry, controls.detach
+        return self._kept.get("part", key, lambda: self._hold(*key))
 
-    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> HeldPart | None:
+    def _hold(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> HeldPart | None:
         vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
