@@ -190,25 +190,19 @@ class _Problem:
         return np.stack([subset.points(each) for each in posed])
 
     def solved(self, targets: Targets, unknowns: Float64, steps: int) -> Float64:
-        """Return the `unknowns` (H · n) after at most `steps` steps of the method of Levenberg and Marquardt."""
-        damping = 1e-6
-        residuals = self.residuals(targets, unknowns[None])[0]
-        for _ in range(steps):
-            jacobian = self.jacobian(targets, unknowns)
-            slope, curvature = jacobian.T @ residuals, jacobian.T @ jacobian
-            while True:
-                step = -np.linalg.solve(curvature + damping * np.diag(curvature.diagonal() + 1e-12), slope)
-                trial = self.residuals(targets, (unknowns + step)[None])[0]
-                if trial @ trial <= residuals @ residuals or damping > 1e6:
-                    break
-                damping *= 10
-            if damping > 1e6:
-                return unknowns
-            before, unknowns, residuals = residuals @ residuals, unknowns + step, trial
-            damping = max(damping / 10, 1e-12)
-            if np.abs(step).max() < SETTLED or before - residuals @ residuals < SLOW * before:
-                break
-        return unknowns
+        """Return the `unknowns` (H · n) after about `steps` steps of the method of Levenberg and Marquardt."""
+        from scipy.optimize import least_squares
+
+        found = least_squares(
+            lambda each: self.residuals(targets, each[None])[0],
+            unknowns,
+            lambda each: self.jacobian(targets, each),
+            method="lm",
+            ftol=SLOW,
+            xtol=SETTLED,
+            max_nfev=2 * steps,
+        )
+        return np.asarray(found.x, np.float64)
 
     def residuals(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:
         """Return the distances from the targets, as fractions of the diagonal, and the weighted unknowns."""
