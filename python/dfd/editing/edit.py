@@ -73,16 +73,6 @@ class Fixed(Brief):
     def __post_init__(self) -> None:
         check_fields(self)
 
-    @property
-    def position(self) -> Vector:
-        """Return the position (3,), mesh units."""
-        return self.place.position
-
-    @property
-    def vertex(self) -> int | None:
-        """Return the vertex at the position, or None."""
-        return self.place.vertex
-
 
 @dataclass(frozen=True, repr=False)
 class Edit(Brief):

@@ -154,7 +154,7 @@ def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
-    assert moved.fixed[0].place == Place(edit.fixed[0].position)
+    assert moved.fixed[0].place == Place(edit.fixed[0].place.position)
     assert moved.handles[2].place.region == edit.handles[2].place.region
     was, now = (each.handles[2].controls.excluded_counterparts for each in (edit, moved))
     assert now == tuple(Place(place.position) for place in was)
@@ -191,7 +191,7 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     # In reverse order, vertex 40 of 81 has the same position, and vertices in the corners have others.
     with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = from_document(document, backwards)
-    assert moved.fixed[0].vertex is None
+    assert moved.fixed[0].place.vertex is None
     assert moved.handles[0].place.vertex == 40
     np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
 

@@ -128,8 +128,8 @@ class Editing:
             handles=tuple(map(self._handle, deformer.handles, columns)),
             fixed=tuple(
                 messages.FixedState(
-                    vertex=fixed.vertex,
-                    position=fixed.position,
+                    vertex=fixed.place.vertex,
+                    position=fixed.place.position,
                     strength=fixed.strength,
                     region=self._size(fixed.place.region),
                 )
