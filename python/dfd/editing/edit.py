@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -159,9 +159,10 @@ class Edit(Brief):
         poses = tuple(pose.without(handle) for pose in self.poses)
         return replace(self, handles=tuple(other for other in self.handles if other is not removed), poses=poses)
 
-    def replaced(self, changed: Handle) -> Edit:
-        """Return the edit with `changed` in place of the handle with the same id."""
-        return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
+    def changed(self, handle: Handle, **values: Any) -> Edit:
+        """Return the edit in which `handle`, one of its handles, has other values."""
+        new = replace(handle, **values)
+        return replace(self, handles=tuple(new if each.id == new.id else each for each in self.handles))
 
 
 class History:

@@ -10,7 +10,7 @@ the last steps estimate how they change.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -164,8 +164,7 @@ class _Problem:
         edit = self.edit
         for i, matrix in zip(self.order, self.matrices(unknowns[None])[0], strict=True):
             held = edit.handles[i]
-            transform = held.transform.with_matrix(matrix, held.place.position)
-            edit = edit.replaced(replace(held, transform=transform))
+            edit = edit.changed(held, transform=held.transform.with_matrix(matrix, held.place.position))
         return edit
 
     def points(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:

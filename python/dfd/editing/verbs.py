@@ -74,15 +74,13 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     matrix = _taken_matrix(given)
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at, given.get("level") or 0)
-    parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
-    others: Any = {control: value for control, value in given.items() if control not in parts}
-    transform = _transform(Transform(), weights, place, parts)
+    motions = {name: value for name, value in given.items() if name in MOTIONS and value is not None}
+    others = {name: value for name, value in given.items() if name not in MOTIONS}
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
-    new = Handle(handle, place, transform, controls, name)
-    if matrix is None and all(value is None for value in parts.values()):
+    new = Handle(handle, place, Transform(), controls, name)
+    if matrix is None and not motions:
         new = replace(new, transform=_taken_over(edit, weights, new))
-    added = replace(edit, handles=(*edit.handles, new))
-    return _with_matrix(_on_part(added, weights, handle, parts, Transform()), handle, matrix)
+    return _moved(replace(edit, handles=(*edit.handles, new)), weights, new, motions, matrix)
 
 
 def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transform:
@@ -106,9 +104,20 @@ def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, A
     given = dict(given)
     matrix = _taken_matrix(given)
     check.keywords(given, MOTIONS, "motion of a handle")
-    held = edit.handle(handle)
-    moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
-    return _with_matrix(_on_part(moved, weights, handle, given, held.transform), handle, matrix)
+    return _moved(edit, weights, edit.handle(handle), given, matrix)
+
+
+def _moved(edit: Edit, weights: SessionWeights, handle: Handle, given: Mapping[str, Any], matrix: Any) -> Edit:
+    """Return `edit` with the `given` motions of a handle. `matrix` (3, 4), unless it is None, moves it about its pivot.
+
+    The pivot is chosen for the `given` motions, which contain those of `matrix`.
+    """
+    moved = edit.changed(handle, transform=_transform(handle.transform, weights, handle.place, given))
+    moved = _on_part(moved, weights, handle.id, given, handle.transform)
+    if matrix is None:
+        return moved
+    held = moved.handle(handle.id)
+    return moved.changed(held, transform=held.transform.with_matrix(matrix, held.place.position))
 
 
 def _taken_matrix(given: dict[str, Any]) -> Any:
@@ -129,14 +138,6 @@ def _taken_matrix(given: dict[str, Any]) -> Any:
     return matrix
 
 
-def _with_matrix(edit: Edit, handle: int, matrix: Any) -> Edit:
-    """Return `edit`, in which `matrix` (3, 4), unless it is None, moves a handle, about the pivot that was chosen."""
-    if matrix is None:
-        return edit
-    held = edit.handle(handle)
-    return edit.replaced(replace(held, transform=held.transform.with_matrix(matrix, held.place.position)))
-
-
 def change(
     edit: Edit, weights: SessionWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
 ) -> Edit:
@@ -144,11 +145,11 @@ def change(
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at, controls.get("level") or 0)
     shaped = held.controls.changed(**_controls(weights, place, controls, held.controls.level))
-    new = replace(held, place=place, controls=shaped, name=held.name if name is None else name)
-    changed, pivot_at = edit.replaced(new), held.transform.pivot_at
+    changed = edit.changed(held, place=place, controls=shaped, name=held.name if name is None else name)
+    pivot_at = held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, new):
+    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, changed.handle(handle)):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -250,7 +251,7 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     parts = bendable_parts(weights, edit, held) if found or not part else []
     if not parts:
         if not found:
-            return edit.replaced(replace(held, transform=transform.changed(**part)))
+            return edit.changed(held, transform=transform.changed(**part))
         level = level_with_axis(weights, edit, held)
         instead = "" if level is None else f"; the part at level {level} has one"
         raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
@@ -265,4 +266,4 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     if joint is not None:
         find = own.axis.joint if joint == "auto" else own.axis.nearest
         part["joint"] = find(np.asarray(held.place.position))
-    return edit.replaced(replace(held, transform=transform.changed(**part)))
+    return edit.changed(held, transform=transform.changed(**part))
