@@ -8,6 +8,7 @@ from bench.quality.anatomy import RiggedShape
 from bench.quality.measures import session_of
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.common.normals import face_normals
+from dfd.editing.weights.axis_motions import bendable_parts
 from dfd.geometry.topology import first_at_place
 from dfd.posing.transforms import frame_of_normal
 
@@ -41,7 +42,7 @@ def _fold(session: dfd.Deformer, edges: Int64, vertex: int) -> float | None:
     """Return the fold at the border of the part at a vertex, in degrees; None if the blend band is too small."""
     mesh, held = session.mesh, session.add(vertex)
     try:
-        parts = session.bound.bendable_parts(session.edit, session.handle(held))
+        parts = bendable_parts(session.bound, session.edit, session.handle(held))
         if not parts:
             return None
         axis = parts[0].axis

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 import dfd
 from bench.quality.shapes import Shape
 from dfd.common.linear_algebra import Float32, Float64, Int64
-from dfd.editing.correspond import Correspondence
+from dfd.editing.transfer import Correspondence
 from dfd.geometry.topology import face_areas
 
 NEAR = 0.1  # an error below this number counts as near

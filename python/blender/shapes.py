@@ -18,6 +18,7 @@ from dfd.common.preset import Preset
 from dfd.editing.edit import Edit
 from dfd.editing.shape import PosedShape
 from dfd.editing.verbs import add, change
+from dfd.editing.weights.of_handles import check_targets, weights_of
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.export.key_poses import checked_poses, posed_edit
 from dfd.field.compatibility import check_compatible
@@ -64,7 +65,7 @@ class Shape:
         Raises ValueError if `vertex` is not in the mesh, or a control is out of its range.
         """
         edit = add(Edit(preset=preset), self._weights, 1, vertex, name=None, **controls)
-        return self._weights.weights(edit)[:, 0]
+        return weights_of(self._weights, edit)[:, 0]
 
     def read(self, path: Path) -> tuple[Edit, str]:
         """Return the edit in the file `path`, on this mesh, and the text of an edit file from which `edit` reads it.
@@ -96,9 +97,10 @@ class Shape:
 
         Raises ValueError if two key poses have one time, or fixed points take all weight from a handle.
         """
-        self._weights.check_targets(edit)
-        poses, posed = checked_poses("Shape.applied", edit.poses, edit), PosedShape(self.mesh, self._weights)
-        weights = self._weights.weights(edit)
+        if edit.fixed:
+            check_targets(self._weights, edit)
+        poses, posed = checked_poses("Shape.applied", edit.poses, edit), PosedShape(self._weights)
+        weights = weights_of(self._weights, edit)
         return Applied(
             {handle.id: weights[:, column] for column, handle in enumerate(edit.handles)},
             self._in_object(posed.of(edit)),

@@ -29,10 +29,10 @@ if _typing.TYPE_CHECKING:
     from dfd import samples
     from dfd.distillation.distill import distill
     from dfd.distillation.settings import DistillSettings
-    from dfd.editing.correspond import correspond
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit_file import edit_schema
     from dfd.editing.key_pose import KeyPose
+    from dfd.editing.transfer import correspond
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
     from dfd.field.field import Field
@@ -85,7 +85,7 @@ _LAZY = {
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.edit_file",
     "export_rig": "dfd.export.export_rig",
-    "correspond": "dfd.editing.correspond",
+    "correspond": "dfd.editing.transfer",
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
     "parts": "dfd.segmentation.parts",

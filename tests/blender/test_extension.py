@@ -228,11 +228,13 @@ class Session:
     def vertices(self) -> np.ndarray:
         from dfd.editing.shape import PosedShape
 
-        return PosedShape(self.mesh, self.bound).of(self.edit)
+        return PosedShape(self.bound).of(self.edit)
 
     @property
     def weights(self) -> np.ndarray:
-        return self.bound.weights(self.edit)
+        from dfd.editing.weights.of_handles import weights_of
+
+        return weights_of(self.bound, self.edit)
 
     def save(self, path: Path) -> None:
         from dfd.editing.edit_file import write_edit

@@ -91,7 +91,7 @@ def _edited(
         session.apply(Edit())
         held = session.add(handles[0], counterparts=kind, follow=follow, level=random.integers(-3, 4), **turned, **how)
         _check(session)
-        off = [one.vertex for one, _ in session.bound.counterparts(session.edit, session.handle(held))]
+        off = [one.vertex for one, _ in session.counterparts(held)]
         session.change(held, excluded_counterparts=off[1::2])
         _check(session)
     session.apply(Edit())

@@ -55,6 +55,8 @@ def imports_of(path: Path, known: set[str]) -> set[str]:
             for alias in node.names:  # the alias may be a module, or a name in a module
                 file = f"{node.module}.{alias.name}"
                 found.add(file if file in known else node.module)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "import_module":
+            found |= {each.value for each in node.args if isinstance(each, ast.Constant)}
     return {name for name in found if name in known}
 
 

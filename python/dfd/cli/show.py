@@ -70,7 +70,7 @@ def show(
         if handle:
             with stages.stage("bind"):
                 weights = deformer.following
-            fixed = [point.position for point in deformer.fixed] or None
+            fixed = [point.place.position for point in deformer.fixed] or None
             for text, each, column in zip(handle, deformer.handles, weights.T, strict=True):
                 marks = {"weights": column, "handles": [each.place.position], "fixed": fixed}
                 rows.append((f"handle {text}", marks))

@@ -232,6 +232,13 @@ class DistillSettings(BaseModel):
         return self.model_dump()
 
 
+def other_than_paper(made: Mapping[str, Any]) -> list[str]:
+    """Return the names of the settings in `made`, those of a field, that differ from the preset "paper"."""
+    free = ("seed", "mirrored")  # `mirrored=True` is a variant of the preset
+    paper = DistillSettings(preset="paper").as_dict()
+    return [name for name, value in paper.items() if name not in free and made.get(name, value) != value]
+
+
 def _extra(settings: type[DistillSettings], name: str) -> dict[str, Any]:
     extra = settings.model_fields[name].json_schema_extra
     assert isinstance(extra, dict)

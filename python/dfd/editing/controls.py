@@ -173,9 +173,12 @@ class Controls(Brief):
 CONTROLS = {name: said for name, (_, said) in about(Controls).items() if said is not None}
 
 
+_OF_PRESET = {preset: Controls(**rules.handle) for preset, rules in PRESETS.items()}
+
+
 def controls_of(preset: Preset) -> Controls:
     """Return the controls that a new handle has in a preset."""
-    return Controls(**PRESETS[preset].handle)
+    return _OF_PRESET[preset]
 
 
 def controls_on(mesh: Mesh, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,22 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.common.errors import ArgumentError, called, public
+from dfd.common.errors import called, public
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.edit import Edit, Fixed, Handle, edit_on, symmetry_on, with_preset
+from dfd.editing.edit import Edit, Fixed, Handle, History, edit_on, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.fit import Fit, Motion, fit
-from dfd.editing.history import History
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.regions import VertexSet
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.transfer import transfer
+from dfd.editing.verbs import ControlOptions, HandleOptions, MotionOptions
 from dfd.editing.weights import handle_features
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
+from dfd.editing.weights.of_handles import check_targets, following, weights_of
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
@@ -38,8 +39,6 @@ from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-    from dfd.editing.keywords import ControlOptions, HandleOptions, MotionOptions
 
 
 class Deformer(History):
@@ -105,29 +104,27 @@ class Deformer(History):
             check_compatible(self.field, self.mesh, allowed_by="other_shape=True")
         self._features = features
         self._similarity: dict[int, float] = {}
-        self._shapes: dict[bool, tuple[SessionWeights, PosedShape]] = {}
+        self._shapes: dict[bool, PosedShape] = {}
         self._start(Edit(preset=preset))
 
     def _start(self, edit: Edit) -> None:
-        self._warn_of_settings(edit.preset)
+        _warn_of_settings(self.field, edit.preset)
         super().__init__(edit)
         self._shape(edit.preset)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
-    def _shape(self, preset: Preset) -> tuple[SessionWeights, PosedShape]:
-        """Return the weights and the posed shape of edits with `preset`: with "paper", features are not compact."""
+    def _shape(self, preset: Preset) -> PosedShape:
+        """Return the posed shape, and the weights, of edits with `preset`: with "paper", features are not compact."""
         compacts = self._features is None and len(self.mesh.vertices) > handle_features.MOST_EXACT
         full = compacts and preset == "paper"
         if full not in self._shapes:
-            weights = SessionWeights(self.mesh, self.field, self._features)
-            weights.rows.full = full
-            self._shapes[full] = weights, PosedShape(self.mesh, weights)
+            self._shapes[full] = PosedShape(SessionWeights(self.mesh, self.field, self._features, full=full))
         return self._shapes[full]
 
     @property
     def bound(self) -> SessionWeights:
         """Return the weights and parts of the present edit, for programs that show them."""
-        return self._shape(self.preset)[0]
+        return self._shape(self.preset).weights
 
     def __repr__(self) -> str:
         """Return the mesh and the numbers of handles and fixed points."""
@@ -154,7 +151,8 @@ class Deformer(History):
 
         Raises ValueError if there is no such handle.
         """
-        return self.bound.counterparts(self.edit, self.edit.handle(handle))
+        one = self.edit.handle(handle)
+        return self.bound.counterparts(one, self.bound.held(self.edit, one))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:
@@ -163,8 +161,8 @@ class Deformer(History):
 
     def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
         """Record `edit` as a step. With `rebinds`, raise ValueError if fixed points take all weight from a handle."""
-        if rebinds:
-            self._shape(edit.preset)[0].check_targets(edit)
+        if rebinds and edit.fixed:
+            check_targets(self._shape(edit.preset).weights, edit)
         self._record(edit, topic, merge)
 
     @public
@@ -293,12 +291,6 @@ class Deformer(History):
         """
         fitted, found = fit(self.edit, self.bound, targets, handles, motion)
         self._commit(fitted, "fit", merge, rebinds=False)
-        if found.undetermined:
-            told = ", ".join(f"handle {handle}: {' and '.join(names)}" for handle, names in found.undetermined.items())
-            check.warn(
-                f"Deformer.fit: `targets` do not determine all motions ({told}); these are as small as possible",
-                UserWarning,
-            )
         return found
 
     def bend(
@@ -386,7 +378,7 @@ class Deformer(History):
         ValueError if a point lies farther from the shape than the diagonal of its bounding box, or the plane of
         symmetry does not cut the shape.
         """
-        self._warn_of_settings(edit.preset)
+        _warn_of_settings(self.field, edit.preset)
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
@@ -415,23 +407,7 @@ class Deformer(History):
     def preset(self, preset: Preset) -> None:
         with called("Deformer.preset"):
             self._commit(with_preset(self.edit, preset, self.mesh))
-            self._warn_of_settings(preset)
-
-    def _warn_of_settings(self, preset: Preset) -> None:
-        """With the preset "paper", warn if the field was distilled with other settings."""
-        from dfd.distillation.settings import DistillSettings
-
-        made = self.field.settings
-        paper = DistillSettings(preset="paper").as_dict() if preset == "paper" else {}
-        free = ("seed", "mirrored")  # `mirrored=True` is a variant of the preset
-        differ = [name for name, value in paper.items() if name not in free and made.get(name, value) != value]
-        if differ:
-            more = f" and {len(differ) - 4} more settings" if len(differ) > 4 else ""
-            check.warn(
-                f"Deformer: `preset` is 'paper', but the field was distilled with other settings: "
-                f"{', '.join(differ[:4])}{more}; distill the field with preset='paper'",
-                UserWarning,
-            )
+            _warn_of_settings(self.field, preset)
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
@@ -492,11 +468,9 @@ class Deformer(History):
             Arguments of `dfd.symmetry_planes` for "auto". If left out, they are those of the preset.
         """
         how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
-        if plane is not None:
-            plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
-        elif any(value is not None for value in how.values()):
-            raise ArgumentError("candidates", "and `threshold` can only be given if `plane` is 'auto', got None")
-        self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
+        none = plane is None and candidates is None and threshold is None
+        found = None if none else symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
+        self._commit(replace(self.edit, symmetry=found), "symmetry", merge)
 
     @property
     def default(self) -> Transform | None:
@@ -545,12 +519,12 @@ class Deformer(History):
     @property
     def weights(self) -> Float32:
         """Return the weights (V, H) of Eq. 4 to 7, read-only. Each column is for a handle and all its counterparts."""
-        return _read_only(self.bound.weights(self.edit))
+        return _read_only(weights_of(self.bound, self.edit))
 
     @property
     def following(self) -> Float32:
         """Return the weights (V, H) with which vertices follow the handles. Counterparts that do not move have none."""
-        return self.bound.following(self.edit)
+        return following(self.bound, self.edit)
 
     @property
     def transforms(self) -> Float64:
@@ -560,7 +534,7 @@ class Deformer(History):
     @property
     def vertices(self) -> Float64:
         """Return the posed vertices (V, 3) in mesh units, read-only: Eq. 1 and 8 with the rules of the preset."""
-        return _read_only(self._shape(self.preset)[1].of(self.edit))
+        return _read_only(self._shape(self.preset).of(self.edit))
 
     def report(self) -> Report:
         """Return how many vertices moved, how far they moved, and whether the handles reached their targets."""
@@ -602,6 +576,18 @@ class Deformer(History):
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))
         return deformer
+
+
+def _warn_of_settings(field: Field, preset: Preset) -> None:
+    """With the preset "paper", warn if the field was distilled with other settings."""
+    if preset == "paper":
+        from dfd.distillation.settings import other_than_paper
+
+        differ = other_than_paper(field.settings)
+        if differ:
+            more = f" and {len(differ) - 4} more settings" if len(differ) > 4 else ""
+            told = f"other settings: {', '.join(differ[:4])}{more}; distill the field with preset='paper'"
+            check.warn(f"Deformer: `preset` is 'paper', but the field was distilled with {told}", UserWarning)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

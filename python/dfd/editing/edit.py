@@ -1,14 +1,15 @@
 """An edit of a shape as one immutable value: handles, fixed points, symmetry, default transform and preset.
 
-`Deformer` keeps one edit for each step. `dfd.editing.edit_file` writes an edit to a file and reads it.
+`History` keeps one edit for each step, for undo and redo. `dfd.editing.edit_file` writes edits to files and reads them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -71,16 +72,6 @@ class Fixed(Brief):
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-    @property
-    def position(self) -> Vector:
-        """Return the position (3,), mesh units."""
-        return self.place.position
-
-    @property
-    def vertex(self) -> int | None:
-        """Return the vertex at the position, or None."""
-        return self.place.vertex
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,9 +159,88 @@ class Edit(Brief):
         poses = tuple(pose.without(handle) for pose in self.poses)
         return replace(self, handles=tuple(other for other in self.handles if other is not removed), poses=poses)
 
-    def replaced(self, changed: Handle) -> Edit:
-        """Return the edit with `changed` in place of the handle with the same id."""
-        return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
+    def changed(self, handle: Handle, **values: Any) -> Edit:
+        """Return the edit in which `handle`, one of its handles, has other values."""
+        new = replace(handle, **values)
+        return replace(self, handles=tuple(new if each.id == new.id else each for each in self.handles))
+
+
+class History:
+    """All states of an edit, without limit, and the index of the present one. Unchanged values are shared."""
+
+    __slots__ = ("_floor", "_now", "_states", "_topic")
+
+    def __init__(self, start: Edit) -> None:
+        self._states: tuple[Edit, ...] = (start,)  # a tuple, so that `copy.copy` gives an independent history
+        self._now = 0
+        self._floor = 0  # index of the oldest state that `undo` can reach: 0, or the first state of a `step` block
+        self._topic: Hashable = None  # what the newest step changed, such as ("handle", 1); None if no step may join it
+
+    @property
+    def edit(self) -> Edit:
+        """Return the present state, an immutable value."""
+        return self._states[self._now]
+
+    def _record(self, state: Edit, topic: Hashable = None, merge: bool = False) -> None:
+        """Make `state` the present state, and discard undone steps. A state that equals the present one adds no step.
+
+        With `merge`, `state` replaces the result of the newest step if that step has the same `topic`.
+        """
+        joins = merge and topic is not None and topic == self._topic
+        if state != self.edit:
+            self._now += 0 if joins else 1
+            self._states = (*self._states[: self._now], state)
+            self._topic = topic
+        elif not joins:
+            self._topic = None
+
+    @property
+    def states(self) -> tuple[tuple[Edit, ...], int]:
+        """Return all states, the oldest first, and the index of the present state."""
+        return self._states, self._now
+
+    @property
+    def can_undo(self) -> bool:
+        """Return whether there is a step to take back."""
+        return self._now > self._floor
+
+    @property
+    def can_redo(self) -> bool:
+        """Return whether there is a step that was taken back."""
+        return self._now + 1 < len(self._states)
+
+    def undo(self) -> bool:
+        """Take back the newest step; return False if there is none."""
+        return self._go(-1) if self.can_undo else False
+
+    def redo(self) -> bool:
+        """Repeat the step that was taken back last; return False if there is none."""
+        return self._go(+1) if self.can_redo else False
+
+    def _go(self, steps: int) -> bool:
+        self._now += steps
+        self._topic = None
+        return True
+
+    @contextmanager
+    def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
+        """Record all changes in the block `with deformer.step():` as one step. If the block raises, undo them all.
+
+        With `merge`, this step joins the previous step if both have the same `topic`, which must not be None.
+        """
+        start, floor, before, about = self._now, self._floor, self._states, self._topic
+        self._floor, self._topic = start, None
+        try:
+            yield
+        except BaseException:
+            self._states, self._now = before, start
+            raise
+        finally:
+            self._floor, self._topic = floor, about
+        made = self.edit
+        if self._now > start:
+            self._states, self._now = self._states[: start + 1], start
+        self._record(made, topic, merge)
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
@@ -221,7 +291,7 @@ def band_on(mesh: Mesh, preset: Preset) -> float:
 
 def symmetry_on(
     mesh: Mesh,
-    plane: SymmetryPlane | str,
+    plane: SymmetryPlane | str | None,
     band: float | None = None,
     *,
     preset: Preset = "default",

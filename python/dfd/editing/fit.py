@@ -10,7 +10,7 @@ the last steps estimate how they change.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -19,11 +19,9 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing import verbs
-from dfd.editing.blend import blend_of, blends_nested
 from dfd.editing.edit import Edit
 from dfd.editing.points import nearest_vertex, place_on
-from dfd.editing.shape import PosedShape
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.shape import PosedShape, blend_of, blends_nested, resting
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import pose
@@ -98,6 +96,10 @@ def fit(
     open_motions = problem.undetermined(found, offset)
     after = _distances(found, _posed(problem.edit, weights))
     missing = {chosen[k]: names for k, names in open_motions.items()}
+    if missing:
+        told = ", ".join(f"handle {handle}: {' and '.join(names)}" for handle, names in missing.items())
+        least = f"`targets` do not determine all motions ({told}); these are as small as possible"
+        check.warn(f"Deformer.fit: {least}", UserWarning)
     return problem.edit, Fit(float(after.mean()), float(after.max()), float(before.mean()), missing)
 
 
@@ -135,7 +137,7 @@ class _Problem:
     def __init__(self, edit: Edit, weights: SessionWeights, order: Sequence[int], motion: Motion) -> None:
         self.edit, self.weights, self.order, self.motion = edit, weights, order, motion
         self.count, self.size = COUNTS[motion], weights.mesh.diagonal
-        self.rest = weights.bent(edit)
+        self.rest = resting(weights, edit)
         self.values, self.columns = weights.columns(edit)
         self.how = blend_of(weights.mesh, edit, self.values, self.columns, self.rest)
         del self.how["rotations"]  # each fitted motion has the smallest rotation
@@ -162,8 +164,7 @@ class _Problem:
         edit = self.edit
         for i, matrix in zip(self.order, self.matrices(unknowns[None])[0], strict=True):
             held = edit.handles[i]
-            transform = held.transform.with_matrix(matrix, held.place.position)
-            edit = edit.replaced(replace(held, transform=transform))
+            edit = edit.changed(held, transform=held.transform.with_matrix(matrix, held.place.position))
         return edit
 
     def points(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:
@@ -178,9 +179,7 @@ class _Problem:
         for column, one in enumerate(self.columns):
             if one.handle in self.order:
                 position = self.edit.handles[one.handle].place.position
-                transforms[:, column] = _at_counterpart(
-                    one.counterpart, matrices[:, self.order.index(one.handle)], np.asarray(position)
-                )
+                transforms[:, column] = one.counterpart.transform(matrices[:, self.order.index(one.handle)], position)
         if self.nested and exact:
             for b, each in enumerate(unknowns):
                 found = blend_of(self.weights.mesh, self.edit_of(each), self.values, self.columns, self.rest)
@@ -190,25 +189,19 @@ class _Problem:
         return np.stack([subset.points(each) for each in posed])
 
     def solved(self, targets: Targets, unknowns: Float64, steps: int) -> Float64:
-        """Return the `unknowns` (H · n) after at most `steps` steps of the method of Levenberg and Marquardt."""
-        damping = 1e-6
-        residuals = self.residuals(targets, unknowns[None])[0]
-        for _ in range(steps):
-            jacobian = self.jacobian(targets, unknowns)
-            slope, curvature = jacobian.T @ residuals, jacobian.T @ jacobian
-            while True:
-                step = -np.linalg.solve(curvature + damping * np.diag(curvature.diagonal() + 1e-12), slope)
-                trial = self.residuals(targets, (unknowns + step)[None])[0]
-                if trial @ trial <= residuals @ residuals or damping > 1e6:
-                    break
-                damping *= 10
-            if damping > 1e6:
-                return unknowns
-            before, unknowns, residuals = residuals @ residuals, unknowns + step, trial
-            damping = max(damping / 10, 1e-12)
-            if np.abs(step).max() < SETTLED or before - residuals @ residuals < SLOW * before:
-                break
-        return unknowns
+        """Return the `unknowns` (H · n) after about `steps` steps of the method of Levenberg and Marquardt."""
+        from scipy.optimize import least_squares
+
+        found = least_squares(
+            lambda each: self.residuals(targets, each[None])[0],
+            unknowns,
+            lambda each: self.jacobian(targets, each),
+            method="lm",
+            ftol=SLOW,
+            xtol=SETTLED,
+            max_nfev=2 * steps,
+        )
+        return np.asarray(found.x, np.float64)
 
     def residuals(self, targets: Targets, unknowns: Float64, exact: bool = True) -> Float64:
         """Return the distances from the targets, as fractions of the diagonal, and the weighted unknowns."""
@@ -243,18 +236,9 @@ class _Problem:
         return result
 
 
-def _at_counterpart(counterpart: Counterpart, affine: Float64, position: Float64) -> Float64:
-    """Return `counterpart.transform` of a batch of transforms `affine` (B, 3, 4) of a handle at `position` (3,)."""
-    here, frame = np.asarray(counterpart.position), counterpart.frame
-    linear = frame @ affine[:, :, :3] @ frame.T
-    moved = affine[:, :, :3] @ position + affine[:, :, 3] - position
-    shift = here + moved @ frame.T - linear @ here
-    return np.concatenate([linear, shift[:, :, None]], axis=2)
-
-
 def _posed(edit: Edit, weights: SessionWeights) -> Float64:
     """Return the posed vertices (V, 3) of `edit`."""
-    return PosedShape(weights.mesh, weights).of(edit)
+    return PosedShape(weights).of(edit)
 
 
 def _with_pivots(edit: Edit, weights: SessionWeights, chosen: Sequence[int]) -> Edit:

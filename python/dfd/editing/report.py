@@ -1,14 +1,18 @@
 """Report the effect of an edit on a shape, in numbers and in one sentence."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float64, Int32
-from dfd.editing.blend import blend_of, carried
+from dfd.common.linear_algebra import Float32, Float64, Int32
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.session_weights import SessionWeights
+from dfd.editing.shape import blend_of, carried, resting
+from dfd.editing.weights.axis_motions import bendable_parts, level_with_axis
+from dfd.editing.weights.fill import Column
+from dfd.editing.weights.session_weights import SessionWeights, is_split
+from dfd.geometry.gaps import Gaps
 from dfd.geometry.topology import face_sides
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
@@ -20,6 +24,7 @@ LEAST_STRETCH = 1.05  # smaller stretches of edges are not mentioned
 # A gap between two pieces counts if the motion widens it by more than this fraction of the bounding-box diagonal. It is
 # above the distance between samples of the surface, by which gaps are measured (`dfd.geometry.gaps`).
 LEAST_GAP = 0.01
+LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class HandleReport:
         if self.level is None or self.share is None:
             return ""
         low, high = self.levels
-        return f"step {self.level - low + 1} of {high - low + 1}: {_percent(self.share)}"
+        return f"step {self.level - low + 1} of {high - low + 1}: {percent(self.share)}"
 
     def __str__(self) -> str:
         """Return the result in a few words."""
@@ -97,7 +102,7 @@ class Report:
         """Return the result in one sentence."""
         if self.warning is not None:
             return self.warning
-        told = [f"moved {_percent(self.moved)} of the vertices, up to {self.farthest:.3g}"]
+        told = [f"moved {percent(self.moved)} of the vertices, up to {self.farthest:.3g}"]
         if self.stretch >= LEAST_STRETCH:
             told[0] += f", and stretched edges up to {self.stretch:.1f} times"
         if len(self.handles) > 1 and all(
@@ -114,8 +119,10 @@ class Report:
         return "; ".join(told)
 
 
-def _percent(share: float) -> str:
-    return "less than 1 %" if 0 < share < 0.01 else f"{100 * share:.0f} %"
+def percent(share: float, digits: int = 0) -> str:
+    """Return a share in percent, with some `digits` after the point: "12 %", or "less than 1 %" if it is smaller."""
+    least = 10.0**-digits
+    return f"less than {least:.{digits}f} %" if 0 < 100 * share < least else f"{100 * share:.{digits}f} %"
 
 
 def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> Report:
@@ -123,10 +130,10 @@ def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> R
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     visible = VISIBLE * mesh.diagonal
     moved = float(np.mean(distances > visible))
-    counts = weights.counterpart_counts(edit)
     followed, columns = weights.columns(edit)
+    counts = _counterpart_counts(edit, followed, columns)
     own = {column.handle: number for number, column in reversed(list(enumerate(columns)))}  # each handle's first column
-    bent, handles = weights.bent(edit), []
+    bent, handles = resting(weights, edit), []
     blend = blend_of(mesh, edit, followed, columns, bent)
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
@@ -153,7 +160,7 @@ def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> R
             )
         )
     stretch = largest_stretch(mesh.vertices, posed, mesh.faces)
-    gaps = weights.gaps.opened(posed) if moved else np.zeros(0)
+    gaps = weights.rows.kept.get("gaps", None, lambda: Gaps(mesh)).opened(posed) if moved else np.zeros(0)
     return Report(
         moved,
         float(distances.max()),
@@ -179,15 +186,24 @@ def _part(edit: Edit, handle: Handle, weights: SessionWeights) -> dict[str, Any]
     level = min(max(asked, lowest), highest)
     if not lowest <= asked <= highest:
         notes.append(f"because level {asked} does not exist")
-    if handle.transform.bends and (parts := weights.bendable_parts(edit, handle)) and not parts[0].slender:
-        other = weights.level_with_axis(edit, handle)
+    if handle.transform.bends and (parts := bendable_parts(weights, edit, handle)) and not parts[0].slender:
+        other = level_with_axis(weights, edit, handle)
         instead = "" if other is None else f" (level {other} has one)"
         notes.append(f"turned as a whole, because its part has no axis along which it could bend{instead}")
-    on = [moves for _, moves in weights.counterparts(edit, handle)]
+    on = [moves for _, moves in weights.counterparts(handle, held)]
     share = sum(held.area(number) for number, moves in enumerate(on) if moves)
     note = " and ".join(notes) or None
     left_out = tuple(all_parts.left_out(vertex, level)) if handle.controls.follow == "all" else ()
     return {"share": share, "level": level, "levels": (lowest, highest), "left_out": left_out, "note": note}
+
+
+def _counterpart_counts(edit: Edit, weights: Float32, columns: Sequence[Column]) -> list[int]:
+    """Return the number of counterparts of each handle, (H,), without those below `LEAST_COUNTED`."""
+    peaks: list[list[float]] = [[] for _ in edit.handles]
+    for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
+        if is_split(edit.handles[column.handle]):
+            peaks[column.handle].append(peak)
+    return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
 
 
 def largest_stretch(rest: Float64, posed: Float64, faces: Int32) -> float:

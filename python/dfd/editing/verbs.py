@@ -3,22 +3,65 @@
 The argument `weights` also gives the session's mesh, the parts of the mesh, and the parts that handles hold.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import CONTROLS, controls_of, controls_on
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.points import Place, place_on
+from dfd.editing.presets import Counterparts
 from dfd.editing.regions import VertexSet
-from dfd.editing.weights.axis_motions import bend_vector, pivot_on
+from dfd.editing.weights.axis_motions import bend_vector, bendable_parts, level_with_axis, pivot_on
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.transforms import MOTIONS, PivotAt, Transform, frame_of_normal, rotvec_of
 from dfd.segmentation.follow import Follow
+from dfd.weights.bind import Falloff
+
+Pivot = ArrayLike | Literal["auto", "base", "middle", "point", "plane", "hinge"]
+
+
+class MotionOptions(TypedDict, total=False):
+    """The motions of a handle; `Deformer.add` explains them."""
+
+    translation: ArrayLike | None
+    rotation: Any  # also a rotation of SciPy
+    scale: ArrayLike | None
+    pivot: Pivot | None
+    axes: ArrayLike | Literal["auto", "normal"] | None
+    bend: Any
+    towards: Any
+    twist: float | None
+    joint: float | Literal["spread", "auto", "here"] | None
+    open: float | None
+    matrix: ArrayLike | None
+
+
+class ControlOptions(TypedDict, total=False):
+    """The controls of a handle, see `dfd.editing.controls.Controls`."""
+
+    reach: float | Literal["part"] | None
+    level: int | None
+    follow: Follow | None
+    falloff: Falloff | None
+    locality: float | None
+    radius: float | str | None
+    strength: float | None
+    counterparts: Counterparts | None
+    excluded_counterparts: Sequence[Any] | None
+    detach: bool | None
+    mask: Any
+    mask_feather: float | str | None
+
+
+class HandleOptions(MotionOptions, ControlOptions, total=False):
+    """The motions and the controls of a handle."""
+
 
 OF_MATRIX = ("translation", "rotation", "scale", "axes", "open")  # the motions that `matrix` determines
 
@@ -31,15 +74,29 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     matrix = _taken_matrix(given)
     check.keywords(given, (*MOTIONS, *CONTROLS), "motion or control of a handle")
     place = place_of(weights, at, given.get("level") or 0)
-    parts: Any = {part: value for part, value in given.items() if part in MOTIONS}
-    others: Any = {control: value for control, value in given.items() if control not in parts}
-    transform = _transform(Transform(), weights, place, parts)
+    motions = {name: value for name, value in given.items() if name in MOTIONS and value is not None}
+    others = {name: value for name, value in given.items() if name not in MOTIONS}
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
-    new = Handle(handle, place, transform, controls, name)
-    if matrix is None and all(value is None for value in parts.values()):
-        new = replace(new, transform=weights.taken_over(edit, new))
-    added = replace(edit, handles=(*edit.handles, new))
-    return _with_matrix(_on_part(added, weights, handle, parts, Transform()), handle, matrix)
+    new = Handle(handle, place, Transform(), controls, name)
+    if matrix is None and not motions:
+        new = replace(new, transform=_taken_over(edit, weights, new))
+    return _moved(replace(edit, handles=(*edit.handles, new)), weights, new, motions, matrix)
+
+
+def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new handle, see `several_handles`."""
+    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+    if not moving or edit.rules.overlap != "add":
+        return handle.transform
+    from dfd.editing.weights.several_handles import taken_over
+
+    if len(moving) > 1:
+        before = [column for column in weights.plan(edit) if column.handle in moving]
+    else:
+        before = weights.columns_of(edit, moving[0], edit.handles[moving[0]], split=True)
+    with_new = replace(edit, handles=(*edit.handles, handle))
+    own = weights.columns_of(with_new, len(edit.handles), handle, split=True)[0]
+    return taken_over(edit, handle, weights.rows.anchor(handle.place), own, before, weights.mesh)
 
 
 def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any]) -> Edit:
@@ -47,9 +104,20 @@ def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, A
     given = dict(given)
     matrix = _taken_matrix(given)
     check.keywords(given, MOTIONS, "motion of a handle")
-    held = edit.handle(handle)
-    moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
-    return _with_matrix(_on_part(moved, weights, handle, given, held.transform), handle, matrix)
+    return _moved(edit, weights, edit.handle(handle), given, matrix)
+
+
+def _moved(edit: Edit, weights: SessionWeights, handle: Handle, given: Mapping[str, Any], matrix: Any) -> Edit:
+    """Return `edit` with the `given` motions of a handle. `matrix` (3, 4), unless it is None, moves it about its pivot.
+
+    The pivot is chosen for the `given` motions, which contain those of `matrix`.
+    """
+    moved = edit.changed(handle, transform=_transform(handle.transform, weights, handle.place, given))
+    moved = _on_part(moved, weights, handle.id, given, handle.transform)
+    if matrix is None:
+        return moved
+    held = moved.handle(handle.id)
+    return moved.changed(held, transform=held.transform.with_matrix(matrix, held.place.position))
 
 
 def _taken_matrix(given: dict[str, Any]) -> Any:
@@ -70,14 +138,6 @@ def _taken_matrix(given: dict[str, Any]) -> Any:
     return matrix
 
 
-def _with_matrix(edit: Edit, handle: int, matrix: Any) -> Edit:
-    """Return `edit`, in which `matrix` (3, 4), unless it is None, moves a handle, about the pivot that was chosen."""
-    if matrix is None:
-        return edit
-    held = edit.handle(handle)
-    return edit.replaced(replace(held, transform=held.transform.with_matrix(matrix, held.place.position)))
-
-
 def change(
     edit: Edit, weights: SessionWeights, handle: int, at: Any, name: str | None, controls: Mapping[str, Any]
 ) -> Edit:
@@ -85,11 +145,11 @@ def change(
     held = edit.handle(handle)
     place = held.place if at is None else place_of(weights, at, controls.get("level") or 0)
     shaped = held.controls.changed(**_controls(weights, place, controls, held.controls.level))
-    new = replace(held, place=place, controls=shaped, name=held.name if name is None else name)
-    changed, pivot_at = edit.replaced(new), held.transform.pivot_at
+    changed = edit.changed(held, place=place, controls=shaped, name=held.name if name is None else name)
+    pivot_at = held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if pivot_at not in ("point", "plane") and not weights.bendable_parts(changed, new):
+    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, changed.handle(handle)):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
     return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
 
@@ -188,11 +248,11 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     part: dict[str, Any] = {}
     if pivot in ("point", "plane"):
         part["pivot"], part["pivot_at"] = pivot_on(None, found.pop("pivot"), held, edit.symmetry)
-    parts = weights.bendable_parts(edit, held) if found or not part else []
+    parts = bendable_parts(weights, edit, held) if found or not part else []
     if not parts:
         if not found:
-            return edit.replaced(replace(held, transform=transform.changed(**part)))
-        level = weights.level_with_axis(edit, held)
+            return edit.changed(held, transform=transform.changed(**part))
+        level = level_with_axis(weights, edit, held)
         instead = "" if level is None else f"; the part at level {level} has one"
         raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
     own = parts[0]
@@ -206,4 +266,4 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     if joint is not None:
         find = own.axis.joint if joint == "auto" else own.axis.nearest
         part["joint"] = find(np.asarray(held.place.position))
-    return edit.replaced(replace(held, transform=transform.changed(**part)))
+    return edit.changed(held, transform=transform.changed(**part))

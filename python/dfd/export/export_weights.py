@@ -12,9 +12,9 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.common.text import UniqueNames
-from dfd.editing.blend import blend_of
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import to_document
+from dfd.editing.shape import blend_of, resting
 
 ENDINGS = (".npz", ".safetensors")
 FORMAT = "dfd-weights"
@@ -44,7 +44,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     if not edit.handles:
         raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     weights, columns = session.bound.columns(edit)
-    rest, held = session.bound.bent(edit), [edit.handles[column.handle] for column in columns]
+    rest, held = resting(session.bound, edit), [edit.handles[column.handle] for column in columns]
     blend = blend_of(mesh, edit, weights, columns, rest)
     names = UniqueNames()  # further counterparts get the handle's name and a number
     arrays: dict[str, np.ndarray[Any, Any]] = {

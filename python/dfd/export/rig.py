@@ -12,7 +12,7 @@ from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
-from dfd.editing.weights.fill import Band, Column, bands_of, widest
+from dfd.editing.weights.fill import Band, Column, widest
 from dfd.export.joints import Joint
 from dfd.export.key_poses import posed_edit
 from dfd.mesh.mesh import Mesh
@@ -112,14 +112,13 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ below)
     of, sides = np.array(of_column, int), np.array(mirrored, bool)
-    posed = PosedShape(session.mesh, session.bound, (weights, columns))
+    posed = PosedShape(session.bound, (weights, columns))
     return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
 
 
 def _widest(edits: Sequence[Edit], session: Deformer) -> list[tuple[Band, ...]]:
     """Return the blend bands (C,) of the columns of the first of `edits`, each as wide as the widest in all `edits`."""
-    columns = session.bound.plan(edits[0]).columns
-    needed = zip(*([bands_of(column, session.mesh, edit) for column in columns] for edit in edits), strict=True)
+    needed = zip(*(session.bound.bands(edits[0], edit) for edit in edits), strict=True)
     return [tuple(widest(piece) for piece in zip(*each, strict=True)) for each in needed]
 
 

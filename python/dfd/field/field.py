@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import copy
-import importlib
 import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,6 +92,7 @@ class Field(ReadOnlyArrays):
         its range. If `residuals` have another dimension than the features.
     """
 
+    _without_network: ClassVar[type[Field]]  # the class of fields without a network, which `dfd.field` sets
     source: FieldSource | None = None
     residuals: ComponentResiduals | None = None
     surface: Float32 | None = None
@@ -258,23 +258,12 @@ class Field(ReadOnlyArrays):
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is not a file")
         architecture, arrays, settings = field_file.read(path)
-        if architecture is None:
-            return _of_vertices(path, arrays, settings, mesh, other_shape=other_shape)
-        stored = [name for name in arrays if name.startswith(RESIDUALS)]
-        residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
-        others: dict[str, Any] = {"center": (), "scale": (), "surface": None}
-        others = {name: arrays.pop(name, missing) for name, missing in others.items()}
         try:
-            checked = ComponentResiduals(**residuals) if residuals else None
-            field = Field(arrays, octaves=architecture.octaves, settings=settings, residuals=checked, **others)
-            if field.architecture != architecture:
-                raise ArgumentError("parameters", f"must be those of {architecture}, got {field.architecture}")
+            owner = Field._without_network if architecture is None else Field
+            field = owner._of_arrays(arrays, settings, architecture)
         except (ArgumentError, TypeError) as error:
             reason = f"`{error.argument}` {error.reason}" if isinstance(error, ArgumentError) else str(error)
             raise ArgumentError("path", f"{os.fspath(path)} is damaged: {reason}", "Field.load") from error
-        corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
-        if not np.isfinite(field(field.center + corners / field.scale)).all():
-            raise ArgumentError("path", f"{os.fspath(path)} is damaged: its features are not finite", "Field.load")
         if mesh is not None and not other_shape:
             with called("Field.load"), warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # a `Deformer` with the field gives the same warning
@@ -282,27 +271,24 @@ class Field(ReadOnlyArrays):
         field.source = FieldSource.of(path)
         return field
 
-
-def _of_vertices(
-    path: str | os.PathLike[str],
-    arrays: Mapping[str, NDArray[Any]],
-    settings: Mapping[str, Any],
-    mesh: Mesh | None,
-    *,
-    other_shape: bool,
-) -> Field:
-    """Return the `VertexField` with the `arrays` of a file; the other arguments and the errors are those of `load`."""
-    module = importlib.import_module("dfd.field.vertex_field")  # it imports this module for its base class `Field`
-    try:
-        field: Field = module.VertexField.of_arrays(arrays, settings)
-    except ArgumentError as error:
-        reason = f"{os.fspath(path)} is damaged: `{error.argument}` {error.reason}"
-        raise ArgumentError("path", reason, "Field.load") from error
-    if mesh is not None and not other_shape:
-        with called("Field.load"):
-            check_compatible(field, mesh, allowed_by="other_shape=True")
-    field.source = FieldSource.of(path)
-    return field
+    @classmethod
+    def _of_arrays(
+        cls, arrays: dict[str, NDArray[Any]], settings: Mapping[str, Any], architecture: Architecture | None
+    ) -> Field:
+        """Return the field with the contents of a file. Raises ArgumentError or TypeError if they are damaged."""
+        assert architecture is not None, "only a `VertexField` has no network"
+        stored = [name for name in arrays if name.startswith(RESIDUALS)]
+        residuals = {name.removeprefix(RESIDUALS): arrays.pop(name) for name in stored}
+        others: dict[str, Any] = {"center": (), "scale": (), "surface": None}
+        others = {name: arrays.pop(name, missing) for name, missing in others.items()}
+        checked = ComponentResiduals(**residuals) if residuals else None
+        field = Field(arrays, octaves=architecture.octaves, settings=settings, residuals=checked, **others)
+        if field.architecture != architecture:
+            raise ArgumentError("parameters", f"must be those of {architecture}, got {field.architecture}")
+        corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+        if not np.isfinite(field(field.center + corners / field.scale)).all():
+            raise TypeError("its features are not finite")
+        return field
 
 
 class FieldOnMesh:

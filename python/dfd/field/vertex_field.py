@@ -16,6 +16,7 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.field import field_file
+from dfd.field.architecture import Architecture
 from dfd.field.field import Field
 from dfd.geometry.normalization import normalization
 from dfd.geometry.topology import face_areas
@@ -109,11 +110,10 @@ class VertexField(Field):
         field_file.write(path, None, arrays, self.settings)
 
     @classmethod
-    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], settings: Mapping[str, Any]) -> VertexField:
-        """Return the field with the `arrays` and `settings` that `save` wrote.
-
-        Raises ValueError if an array is missing, or has a wrong shape or type.
-        """
+    def _of_arrays(
+        cls, arrays: dict[str, NDArray[Any]], settings: Mapping[str, Any], architecture: Architecture | None
+    ) -> VertexField:
+        """Return the field with the contents of a file. Raises ArgumentError if they are damaged."""
         field = cls.__new__(cls)
         if missing := {"rows", "of_vertex", "places", "center", "scale"} - arrays.keys():
             raise ArgumentError(missing.pop(), "is missing", "VertexField")

@@ -121,6 +121,16 @@ class Nodes:
         _core.interpolate(self._vertices, self.center, *index, rows, found, get_num_threads())
         return found.reshape(len(chosen), *values.shape[1:])
 
+    def known_at(self, field: NDArray[np.floating], vertices: Int64) -> Float64:
+        """Interpolate `field` (N,) to `vertices` (M,). Nodes with infinite values are left out."""
+        known = np.isfinite(field)
+        rows = np.stack([np.where(known, field, 0.0), known], axis=1).astype(np.float32)
+        found = self.interpolated(rows, vertices).astype(np.float64)
+        some = found[:, 1] > 1e-6
+        result: Float64 = field[self.of_vertex[vertices]].astype(np.float64)
+        result[some] = np.where(np.isfinite(result[some]), found[some, 0] / found[some, 1], result[some])
+        return result
+
     def nearest(self, points: ArrayLike, inside: Bool | None = None) -> Int64:
         """Return the vertex (M,) nearest to each of `points` (M, 3). Only the eight nearest nodes are searched.
 

@@ -89,7 +89,7 @@ def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str,
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
     landed = np.array([handle.landed for handle in deformer.report().handles]).reshape(-1, 3)
     shared: dict[str, Any] = {
-        "fixed": np.array([place.position for place in deformer.fixed]).reshape(-1, 3),
+        "fixed": np.array([place.place.position for place in deformer.fixed]).reshape(-1, 3),
         "azimuth": azimuth_towards(mesh, handles) if azimuth is None else azimuth,
         "frame": [mesh.vertices, moved],
     }

@@ -397,7 +397,7 @@ def test_a_preview_shows_what_other_controls_would_move(page: Page, deformer: De
     assert page.last("state")["handles"] == before, "a preview changes nothing"
     page.ask("change", handle=handle, controls={"level": 1, "reach": "part"})
     own = deformer.add(5, level=1)
-    wanted = deformer.bound.following(deformer.edit)[:, deformer.handles.index(deformer.handle(own))]
+    wanted = deformer.following[:, deformer.handles.index(deformer.handle(own))]
     np.testing.assert_allclose(shown / 65535, wanted, atol=1e-4)
 
 

@@ -79,7 +79,7 @@ def test_every_handle_has_the_options_that_follow_it(run, chair):
     assert three.controls.radius == pytest.approx(0.2 * chair.diagonal)
     assert (three.controls.strength, str(three.controls.mask)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
     assert three.transform.axes is not None
-    assert [(fixed.vertex, fixed.strength) for fixed in edit.fixed] == [(1000, 0.25)]
+    assert [(fixed.place.vertex, fixed.strength) for fixed in edit.fixed] == [(1000, 0.25)]
 
 
 def test_the_paper_is_one_word_beside_which_anything_can_be_said(run, chair):

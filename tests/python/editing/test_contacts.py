@@ -6,7 +6,7 @@ from made_field import field_of
 from made_tube import straight, tube
 
 import dfd
-from dfd.editing.weights.contacts import Contact, attachments, with_hanging
+from dfd.editing.weights.contacts import Contact, contacts_of, with_hanging
 from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
@@ -200,7 +200,7 @@ def test_of_a_post_through_a_plate_only_the_side_of_the_handle_moves():
     mesh, piece = joined(post, plate)
     component = np.where(piece == 0, 0, -1)
     foot = int(np.where(piece == 0, mesh.vertices[:, 1], 9).argmin())
-    (found,) = attachments(nodes_of(mesh), component, [np.array([foot])])
+    (found,) = contacts_of(nodes_of(mesh), component, [np.array([foot])])
     assert len(found.kept) in (1, 2)
     heights = mesh.vertices[:, 1]
     assert (found.apart[(piece == 0) & (heights > 1.0)] == 0).all()
@@ -208,7 +208,7 @@ def test_of_a_post_through_a_plate_only_the_side_of_the_handle_moves():
     np.testing.assert_allclose(found.apart[below], 0.95 - heights[below], atol=0.12)
     assert np.isinf(found.apart[piece == 1]).all()
     held = hold(mesh, component, foot, mesh.vertices[foot]).components[0]
-    assert held.free == pytest.approx(0.5 * found.apart[foot], abs=0.06)
+    assert held.contacts.free == pytest.approx(0.5 * found.apart[foot], abs=0.06)
 
 
 def test_a_piece_with_a_border_of_its_own_may_leave_what_it_touches():
@@ -217,7 +217,7 @@ def test_a_piece_with_a_border_of_its_own_may_leave_what_it_touches():
     mesh, piece = joined(arm, hip)
     component = np.where((piece == 0) & (mesh.vertices[:, 1] > 1), 0, -1)
     tip = int(np.where(piece == 0, mesh.vertices[:, 1], -9).argmax())
-    assert attachments(nodes_of(mesh), component, [np.array([tip])]) == [None]
+    assert contacts_of(nodes_of(mesh), component, [np.array([tip])]) == [None]
 
 
 def test_horns_that_are_pieces_stay_on_the_head():

@@ -8,6 +8,7 @@ import dfd
 from dfd.editing.controls import Controls, controls_of, length_on
 from dfd.editing.points import Place
 from dfd.editing.regions import Ball, HalfSpace
+from dfd.editing.weights.axis_motions import bendable_parts
 from dfd.posing.transforms import frame_of_normal
 
 
@@ -262,7 +263,7 @@ def test_excluded_counterparts_are_places():
 
 def test_a_handle_without_strength_has_no_part_that_bends(session, foot):
     handle = session.add(foot, strength=0)
-    assert session.bound.bendable_parts(session.edit, session.handle(handle)) == []
+    assert bendable_parts(session.bound, session.edit, session.handle(handle)) == []
     with pytest.raises(ValueError, match="`open` needs a part with an axis"):
         session.move(handle, open=20)
 

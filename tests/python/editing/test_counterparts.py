@@ -10,9 +10,9 @@ import trimesh
 from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing.weights import counterparts
 from dfd.editing.weights.by_features import shares_everywhere
 from dfd.editing.weights.counterparts import find_counterparts
+from dfd.editing.weights.fill import Counterpart
 from dfd.editing.weights.held_part import HeldPart, hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
@@ -54,7 +54,7 @@ def around(mesh: Mesh, *places: tuple[float, float]) -> np.ndarray:
 
 def find(
     mesh: Mesh, weights: np.ndarray, vertex: int, component: np.ndarray, *planes: SymmetryPlane
-) -> list[counterparts.Counterpart]:
+) -> list[Counterpart]:
     """Return the counterparts of a handle on component 0."""
     found = find_counterparts(mesh, component, vertex, mesh.vertices[vertex], weights, planes)
     return [one for _, one in found]
@@ -64,12 +64,6 @@ def everywhere(mesh: Mesh, component: np.ndarray) -> np.ndarray:
     """Return the share (K, V) of each component at every vertex."""
     shares = shares_everywhere(HeldPart((), nodes_of(mesh), component), mesh.diagonal)
     return np.stack([each.dense(len(mesh.vertices)) for each in shares])
-
-
-def test_with_one_component_there_is_one_counterpart():
-    mesh = sheet()
-    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0), around(mesh, (-0.5, 0)))
-    np.testing.assert_array_equal(only.frame, np.eye(3))
 
 
 def test_counterparts_are_the_most_similar_vertices_of_their_components():
@@ -187,7 +181,7 @@ def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
     vertex = vertex_at(mesh, -0.5, -0.5)
     component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
 
-    def found() -> tuple[list[counterparts.Counterpart], np.ndarray]:
+    def found() -> tuple[list[Counterpart], np.ndarray]:
         nodes = nodes_of(mesh)
         of_node = component[nodes.members[nodes.starts]]
         return find(mesh, weights, vertex, of_node), everywhere(mesh, of_node)

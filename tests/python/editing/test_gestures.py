@@ -314,7 +314,7 @@ def test_the_band_keeps_its_limits(animal):
     for part in ("leg", "ear", "head", "tail"):
         tip = tip_of(sample, part)
         handle = session.add(tip)
-        held = session.bound.hold(session.handle(handle).place)
+        held = session.bound.held(session.edit, session.handle(handle))
         rest = session.following[:, 0]
         inside = held.component_of_node[nodes_of(mesh).of_vertex] >= 0
         for size in (0.01, 0.1, 0.5):
@@ -363,7 +363,7 @@ def test_resting_bands_and_motions_in_place(animal):
     sample, known, _ = animal
     session = fresh(known)
     handle = session.add(tip_of(sample, "leg"))
-    column = session.bound.plan(session.edit).columns[0]
+    column = session.bound.plan(session.edit)[0]
     rest = (band_at_rest(column.component, sample.mesh.diagonal),)
     assert bands_of(column, sample.mesh, session.edit) == rest
     # Where the surroundings move alike, the band is that at rest, too.

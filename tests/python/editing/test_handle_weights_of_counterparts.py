@@ -7,7 +7,7 @@ from made_field import field_of
 import dfd
 from dfd.editing.controls import Controls
 from dfd.editing.weights import held_part, session_weights
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
 from dfd.export.rig import rig_of
 from dfd.posing.transforms import Transform, rotation_matrix
 from dfd.segmentation.parts import Parts
@@ -264,7 +264,7 @@ def test_a_rig_has_the_bands_of_its_widest_pose(mesh, field, sample, foot):
 def test_a_rig_stretches_a_lengthened_limb_although_another_pose_shears_it(mesh, field, sample, foot):
     session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
     held, far = session.add(foot), 0.1 * mesh.diagonal
-    along = session.bound.hold(session.handle(held).place).components[0].direction
+    along = session.bound.held(session.edit, session.handle(held)).components[0].direction
     shear, stretch = (Transform(translation=tuple(far * way)) for way in (np.array([1.0, 0, 0]), along))
     bands = {}
     for name, poses in (("shear", [shear]), ("stretch", [stretch]), ("both", [shear, stretch])):

@@ -8,10 +8,11 @@ from made_tube import AROUND, straight
 from scipy.sparse import csr_array
 from sheet import grid
 
+from dfd.editing.weights import contacts
 from dfd.editing.weights import held_part as module
 from dfd.editing.weights.axis_motions import _rising as rising
-from dfd.editing.weights.fill import Band, band_of, weights_at
-from dfd.editing.weights.held_part import BEYOND, INSIDE, OUTSIDE, Component, hold
+from dfd.editing.weights.fill import Band, Component, band_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, OUTSIDE, hold
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 
@@ -169,10 +170,10 @@ def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
     points = start + (sizes * random.uniform(-0.5, 0.5, (400, 3))) @ axes
     others = np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)])
     for sign in (1, -1):
-        found = module._in_box(points, start + sign * others @ axes)
+        found = contacts._in_box(points, start + sign * others @ axes)
         assert found.tolist() == [True, True, False, True, False, False]
     for shift in np.eye(3):
-        assert module._in_box(points[:1], points[:1] + [0 * shift, shift, -shift]).tolist() == [True, False, False]
+        assert contacts._in_box(points[:1], points[:1] + [0 * shift, shift, -shift]).tolist() == [True, False, False]
 
 
 def test_a_band_of_width_0_is_a_step():
@@ -231,7 +232,7 @@ def test_weights_are_those_of_the_interpolated_depth_at_every_vertex(most):
     for one, call in zip(held.components, made.call_args_list, strict=True):
         field, share = call.args[1:3]
         band = Band(one.outward, one.inward)
-        depth = module._on_vertices(nodes, field, everything).astype(np.float32)
+        depth = nodes.known_at(field, everything).astype(np.float32)
         shares = nodes.interpolated(share.astype(np.float32), everything)
         weights = np.zeros(len(everything), np.float32)
         weights[one.core.vertices] = one.core.values

@@ -10,6 +10,8 @@ from made_field import field_of
 from made_tube import AROUND, tube
 
 import dfd
+from dfd.editing import verbs
+from dfd.editing.weights.axis_motions import bendable_parts
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -328,8 +330,8 @@ def test_a_bend_towards_a_vector_is_one_towards_its_direction(one):
 def test_what_needs_an_axis_names_the_level_that_has_one_if_there_is_one(one, level, told):
     handle = one.add(len(one.mesh.vertices) - 1)
     with (
-        mock.patch.object(type(one.bound), "bendable_parts", return_value=[]),
-        mock.patch.object(type(one.bound), "level_with_axis", return_value=level),
+        mock.patch.object(verbs, "bendable_parts", return_value=[]),
+        mock.patch.object(verbs, "level_with_axis", return_value=level),
         pytest.raises(ValueError, match=f"`open` needs a part with an axis, and the handle holds none{told}"),
     ):
         one.move(handle, open=30)
@@ -341,4 +343,4 @@ def test_what_needs_an_axis_names_the_level_that_has_one_if_there_is_one(one, le
 def test_a_part_lies_across_a_plane_if_a_tenth_of_it_is_on_each_side(one, offset, across):
     one.symmetry = SymmetryPlane((1.0, 0.0, 0.0), offset)
     handle = one.add(len(one.mesh.vertices) - 1)
-    assert one.bound.bendable_parts(one.edit, one.handle(handle))[0].across == across
+    assert bendable_parts(one.bound, one.edit, one.handle(handle))[0].across == across

@@ -4,8 +4,7 @@ from contextlib import suppress
 
 import pytest
 
-from dfd.editing.edit import Edit, Fixed
-from dfd.editing.history import History
+from dfd.editing.edit import Edit, Fixed, History
 from dfd.editing.points import Place
 
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from dfd.editing.controls import CONTROLS
-from dfd.editing.keywords import ControlOptions, HandleOptions, MotionOptions
+from dfd.editing.verbs import ControlOptions, HandleOptions, MotionOptions
 from dfd.posing.transforms import MOTIONS
 
 

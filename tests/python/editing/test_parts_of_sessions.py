@@ -6,11 +6,13 @@ import trimesh
 from made_field import field_of
 
 import dfd
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import from_document, to_document
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
 from dfd.editing.weights import session_weights
+from dfd.editing.weights.of_handles import reach_of
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):
@@ -83,7 +85,7 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field
     assert weights[inside].mean() > 0.8
     away = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[inside][None], axis=2).min(axis=1)
     assert (weights[away > 0.05 * mesh.diagonal] == 0).all()
-    assert 0 < session.bound.reach(session.edit, session.handles[0]) <= 2
+    assert 0 < reach_of(session.bound, session.edit, session.handles[0]) <= 2
     session.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
     assert again.handles[0].controls.reach == "part"
@@ -98,7 +100,7 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
     weights = dfd.bind(session.features, [0], reach=PARTLESS_REACH, falloff="smooth")
     np.testing.assert_allclose(session.weights, weights, atol=1e-6)
     np.testing.assert_allclose(session.following, weights, atol=1e-6)
-    assert session.bound.reach(session.edit, session.handle(handle)) == PARTLESS_REACH
+    assert reach_of(session.bound, session.edit, session.handle(handle)) == PARTLESS_REACH
     assert session.report().handles[0].note == "with weights by features, because it lies on no part"
     assert session.report().handles[0].arrived
 
@@ -106,9 +108,9 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
 def test_of_many_parts_those_used_last_are_kept(mesh, field, monkeypatch):
     monkeypatch.setattr(session_weights, "SPARE", 2)
     session = dfd.Deformer(mesh, field)
-    first, second, third = (place_on(mesh, vertex) for vertex in (0, 300, 900))
-    held = [session.bound.hold(place) for place in (first, second, first)]
-    session.add(third.vertex)
+    first, second = (Handle(1, place_on(mesh, vertex)) for vertex in (0, 300))
+    held = [session.bound.held(Edit(), handle) for handle in (first, second, first)]
+    session.add(900)
     _ = session.following
-    assert session.bound.hold(first) is held[0] is held[2]
-    assert session.bound.hold(second) is not held[1]
+    assert session.bound.held(Edit(), first) is held[0] is held[2]
+    assert session.bound.held(Edit(), second) is not held[1]

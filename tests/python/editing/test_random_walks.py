@@ -58,7 +58,7 @@ def one_step(session, random, folder):
         elif verb == "fix":
             session.fix(at, strength=float(random.uniform(0.3, 1)))
         elif verb == "release" and session.fixed:
-            session.release(session.fixed[0].position)
+            session.release(session.fixed[0].place.position)
         elif verb == "remove" and ids:
             session.remove(int(random.choice(ids)))
         elif verb in ("undo", "redo"):

@@ -7,6 +7,7 @@ import pytest
 
 import dfd
 from dfd.editing.report import largest_stretch
+from dfd.editing.weights.axis_motions import bendable_parts, level_with_axis
 
 
 def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(paper, mesh):
@@ -129,11 +130,11 @@ def test_the_level_with_an_axis_is_the_nearest_of_all(quadruped_sample):
     for vertex in (1078, 1848):  # on the neck, which has an axis at the highest level, and on a leg
         lowest, highest = given.bound.parts.levels(vertex)
         handle = given.add(vertex, level=lowest)
-        found = given.bound.level_with_axis(given.edit, given.handle(handle))
+        found = level_with_axis(given.bound, given.edit, given.handle(handle))
         slender = []
         for level in range(lowest, highest + 1):
             given.change(handle, level=level)
-            parts = given.bound.bendable_parts(given.edit, given.handle(handle))
+            parts = bendable_parts(given.bound, given.edit, given.handle(handle))
             slender += [level] if parts and parts[0].slender else []
         assert found == min(slender, default=None)
         given.remove(handle)

@@ -8,6 +8,7 @@ from prepared import sessions_on
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.key_pose import KeyPose
+from dfd.editing.weights.axis_motions import level_with_axis
 from dfd.editing.weights.several_handles import depths
 
 FRONT, BEHIND, LEFT = "0.115,0,0.245", "0.115,0,-0.29", "-0.115,0,0.245"
@@ -95,7 +96,7 @@ def test_a_report_and_an_error_with_key_poses_of_two_handles(animal):
     whole = session.add(FRONT, bend=20, level=1)
     session.add("top", translation=(0, 0.1, 0))
     session.set_poses([KeyPose(0.0, {each.id: each.transform for each in session.handles})])
-    assert session.bound.level_with_axis(session.edit, session.handle(whole)) is not None
+    assert level_with_axis(session.bound, session.edit, session.handle(whole)) is not None
     assert session.report().handles[0].arrived
 
 

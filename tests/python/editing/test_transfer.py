@@ -64,7 +64,7 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     first, second = found.edit.handles
     assert first.place.vertex == number[5]
     assert second.place.vertex == number[900]
-    assert found.edit.fixed[0].vertex == number[600]
+    assert found.edit.fixed[0].place.vertex == number[600]
     assert found.edit.fixed[0].strength == 0.5
     np.testing.assert_allclose(first.transform.translation, (0, 0.6, 0))
     (pose,) = found.edit.poses

@@ -13,6 +13,7 @@ from dfd.common.linear_algebra import Bool
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Handle
 from dfd.editing.regions import VertexSet, members
+from dfd.editing.report import percent
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import scene_parts_and_materials
 
@@ -204,6 +205,6 @@ def _distinct(steps: Sequence[tuple[str, int, float]]) -> list[str]:
 def _described(name: str, alike: int, share: float, digits: int) -> str:
     if name == WHOLE:
         return WHOLE
-    least = 10.0**-digits
-    size = f"less than {least:.{digits}f}" if 100 * share < least / 2 else f"{100 * share:.{digits}f}"
-    return f"{f'{name}, ' if name else ''}{f'{alike} alike, ' if alike > 1 else ''}{size} % of the surface"
+    return (
+        f"{f'{name}, ' if name else ''}{f'{alike} alike, ' if alike > 1 else ''}{percent(share, digits)} of the surface"
+    )

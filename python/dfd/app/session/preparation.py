@@ -229,4 +229,6 @@ def _hash(field: Field, mesh: Mesh) -> str:
 
 def _warm(deformer: Deformer) -> None:
     """Compute the data that the first color under the pointer needs, and that later ones share."""
-    deformer.bound.probed(0, 0, IDENTITY)
+    from dfd.editing.weights.of_handles import probed
+
+    probed(deformer.bound, 0, 0, IDENTITY)

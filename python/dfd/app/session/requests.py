@@ -26,7 +26,8 @@ from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Fixed
 from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
-from dfd.editing.weights.axis_motions import BendablePart, pivot_on
+from dfd.editing.weights import of_handles
+from dfd.editing.weights.axis_motions import BendablePart, bendable_parts, pivot_on
 from dfd.geometry.normals import updated_normals
 from dfd.pictures.colors import feature_colors
 from dfd.posing.transforms import PivotAt, vector
@@ -67,7 +68,7 @@ def probed(deformer: Deformer, vertex: int, level: int = 0) -> Float32:
     """Return the weights of a new handle during a drag, (V,), without a search for counterparts."""
     rules, bound, place = PRESETS[deformer.preset], deformer.bound, place_on(deformer.mesh, vertex)
     drag = short_drag(deformer.mesh)
-    held = bound.probed(bound.rows.anchor(place), level, drag) if rules.reach == "part" else None
+    held = of_handles.probed(bound, bound.rows.anchor(place), level, drag) if rules.reach == "part" else None
     if held is None:
         reach = PARTLESS_REACH if rules.reach == "part" else rules.reach
         weights: Float32 = bind(deformer.features, bound.rows.points([place]), reach=reach, falloff=rules.falloff)[:, 0]
@@ -126,7 +127,7 @@ def propose(session: Session, handle: int) -> ArrayAnswer:
 def _following(deformer: Deformer, handle: int) -> Float32:
     """Return how much each vertex follows a handle, (V,)."""
     index = [each.id for each in deformer.handles].index(handle)
-    found: Float32 = deformer.bound.following(deformer.edit)[:, index]
+    found: Float32 = deformer.following[:, index]
     return found
 
 
@@ -170,7 +171,7 @@ def axis(session: Session, handle: int) -> messages.Answer:
     """Find the possible pivots of a handle, and the axis along which the handle's part bends. Answer: `axis`."""
     edit = session.deformer.edit
     held = edit.handle(handle)
-    part = next(iter(session.deformer.bound.bendable_parts(edit, held)), None)
+    part = next(iter(bendable_parts(session.deformer.bound, edit, held)), None)
     pivots: tuple[PivotAt, ...] = ("point",)
     auto, bends = held.place.position, None
     if part is not None:

@@ -18,7 +18,8 @@ from dfd.editing import verbs
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
 from dfd.editing.regions import Region, members
-from dfd.editing.weights.fill import Band, bands_of
+from dfd.editing.weights.fill import Band
+from dfd.editing.weights.of_handles import reach_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane
@@ -65,7 +66,7 @@ class Editing:
         number = 1 + max((handle.id for handle in before.handles), default=0)
         edit = verbs.add(before, bound, number, at, name=None, level=level)
         weights, columns = bound.columns(edit, self._bands_shown_in(edit))
-        bound.reach(edit, edit.handle(number))  # `state` needs it after a click, and it is cached
+        reach_of(bound, edit, edit.handle(number))  # `state` needs it after a click, and it is cached
         own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
         found: Float32 = weights[:, own].sum(axis=1)
         return found
@@ -101,13 +102,11 @@ class Editing:
 
     def _bands_shown_in(self, edit: Edit) -> list[tuple[Band, ...]]:
         """Return the blend bands of all columns of `edit`. Handles at rest have the bands of a short drag."""
-        bound = self.deformer.bound
         if edit.default is not None:
-            return bound.bands(edit)
+            return self.deformer.bound.bands(edit)
         drag = Transform(translation=vector("drag", short_drag(self.deformer.mesh)[:, 3]))
         moved = (replace(each, transform=drag) if each.transform.rests else each for each in edit.handles)
-        dragged = replace(edit, handles=tuple(moved))
-        return [bands_of(column, self.deformer.mesh, dragged) for column in bound.plan(edit).columns]
+        return self.deformer.bound.bands(edit, replace(edit, handles=tuple(moved)))
 
     def has_close_weights(self) -> bool:
         """Return whether the blend bands of the page's columns are nearly those of the present edit."""
@@ -129,8 +128,8 @@ class Editing:
             handles=tuple(map(self._handle, deformer.handles, columns)),
             fixed=tuple(
                 messages.FixedState(
-                    vertex=fixed.vertex,
-                    position=fixed.position,
+                    vertex=fixed.place.vertex,
+                    position=fixed.place.position,
                     strength=fixed.strength,
                     region=self._size(fixed.place.region),
                 )
@@ -165,7 +164,7 @@ class Editing:
             "handle": handle.id,
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
-            "reach": self.deformer.bound.reach(self.deformer.edit, handle),
+            "reach": reach_of(self.deformer.bound, self.deformer.edit, handle),
             "origin": self.parts.origin(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),

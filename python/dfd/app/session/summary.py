@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from dfd.editing.edit import Edit
-from dfd.editing.report import LEAST_STRETCH, HandleReport, Report
+from dfd.editing.report import LEAST_STRETCH, HandleReport, Report, percent
 
 
 def summary(report: Report, edit: Edit) -> str:
@@ -22,8 +22,7 @@ def details(report: Report, steps: Mapping[int, str]) -> tuple[str, ...]:
     """Return one sentence about the whole shape and one about each handle. `steps` has the steps of parts in words."""
     if report.warning is not None:
         return ()
-    share = "less than 1" if report.moved < 0.005 else f"{100 * report.moved:.0f}"
-    told = [f"{share} % of the vertices moved, up to {report.farthest:.3g}."]
+    told = [f"{percent(report.moved)} of the vertices moved, up to {report.farthest:.3g}."]
     for each in report.handles:
         words = f"{_name(each)} arrived" if each.arrived else f"{_name(each)} is {each.missing:.3g} from its target"
         if each.counterparts > 1:

@@ -11,8 +11,8 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.fill import Band, Column, weights_at
-from dfd.editing.weights.held_part import Component
+from dfd.editing.weights.fill import Band, Column, Component, filled_at_rest, weights_at
+from dfd.editing.weights.session_weights import SessionWeights
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import PartAxes, PartAxis
 from dfd.mesh.mesh import Mesh
@@ -57,22 +57,39 @@ class BendablePart:
         self.sections.move(points, maps)
 
 
-def bendable_parts(
-    mesh: Mesh, axes: PartAxes, anchor: int, weights: Float32, columns: Sequence[Column], plane: SymmetryPlane | None
-) -> list[BendablePart]:
-    """Return the components of the part that a handle holds. The first contains `anchor`, the vertex of the handle.
+def bendable_parts(session: SessionWeights, edit: Edit, handle: Handle) -> list[BendablePart]:
+    """Return the connected components that follow a handle of `edit`, the component at the handle first.
 
-    `weights` (V, C) are the weights of the handle's `columns` at rest, the handle itself first. On the other side of
-    `plane`, the plane of symmetry of the edit, the handle acts mirrored.
+    They are those at rest, so the result does not depend on how far the handle moves. On the other side of the plane of
+    symmetry of `edit`, the handle acts mirrored.
     """
-    pairs = [(weights[:, index], column) for index, column in enumerate(columns)]
-    if all(column.component is not None for column in columns):
-        pieces = [piece for pair in pairs for piece in _pieces(axes, pair[0], [pair], anchor)]
-    else:  # one component can contain several counterparts, such as fingers of a hand
-        pieces = _pieces(axes, weights.sum(axis=1), pairs, anchor)
-    own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
-    pieces = [*pieces[own : own + 1], *pieces[:own], *pieces[own + 1 :]]
-    return [_part(mesh, piece, pieces[0][0], plane) for piece in pieces]
+    number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+    plan, anchor = session.plan(edit), session.rows.anchor(handle.place)
+
+    def find() -> list[BendablePart]:
+        own = [column for column in plan if column.handle == number]
+        pairs = list(zip(filled_at_rest(own, session.mesh).T, own, strict=True))
+        if all(column.component is not None for column in own):
+            pieces = [piece for pair in pairs for piece in _pieces(session.axes, pair[0], [pair], anchor)]
+        else:  # one component can contain several counterparts, such as fingers of a hand
+            pieces = _pieces(session.axes, np.sum([weights for weights, _ in pairs], axis=0), pairs, anchor)
+        first = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
+        pieces = [*pieces[first : first + 1], *pieces[:first], *pieces[first + 1 :]]
+        return [_part(session.mesh, piece, pieces[0][0], edit.symmetry) for piece in pieces]
+
+    key = (handle.place, handle.controls, edit.fixed, edit.symmetry, edit.preset, plan if edit.sharing else None)
+    return session.rows.kept.get("axes", key, find)
+
+
+def level_with_axis(session: SessionWeights, edit: Edit, handle: Handle) -> int | None:
+    """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""
+    lowest, highest = session.parts_with(edit.symmetry).levels(session.rows.anchor(handle.place))
+    for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
+        other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
+        parts = bendable_parts(session, replace(edit, handles=(other,), poses=()), other)
+        if parts and parts[0].slender:
+            return level
+    return None
 
 
 def _pieces(
@@ -88,14 +105,15 @@ def _pieces(
     return found
 
 
-def bent(mesh: Mesh, edit: Edit, parts: dict[int, list[BendablePart]]) -> Float64:
-    """Return the vertices (V, 3) of `mesh`, bent and twisted. `parts` maps the index of each handle to its components.
+def bent(session: SessionWeights, edit: Edit) -> Float64:
+    """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`.
 
     Smaller components bend first. So if a shin and its thigh bend, the thigh moves the bent shin.
     """
-    bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
-    points = np.array(mesh.vertices, np.float64)
-    for part, transform in sorted(bending, key=lambda each: len(each[0].axis.vertices)):
+    bending = [handle for handle in edit.handles if handle.transform.bends]
+    parts = [(part, handle.transform) for handle in bending for part in bendable_parts(session, edit, handle)]
+    points = np.array(session.mesh.vertices, np.float64)
+    for part, transform in sorted(parts, key=lambda each: len(each[0].axis.vertices)):
         part.bend(points, transform)
     return points
 

@@ -18,11 +18,10 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.fill import Portion, whole
+from dfd.editing.weights.fill import Counterpart, Portion, whole
 from dfd.editing.weights.fixed_points import kept_by_fixed_points
 from dfd.editing.weights.handle_features import HandleFeatures
-from dfd.editing.weights.held_part import Component, HeldPart
+from dfd.editing.weights.held_part import HeldPart
 from dfd.geometry.coarse import Share
 from dfd.geometry.geodesics import Geodesics
 from dfd.mesh.mesh import Mesh
@@ -85,10 +84,14 @@ class WeightsByFeatures:
             everywhere = self._kept.get("shares", held, lambda: shares_everywhere(held, self._mesh.diagonal))
             shares = [Share(each.vertices, weights[each.vertices] * each.values) for each in everywhere]
             return [Portion(each) for each in (_equalized(weights, shares, factors) if equalize else shares)]
-        portions = [
-            whole(each) if weights is None else _lowered(each, weights, factor)
-            for each, factor in zip(held.components, factors, strict=True)
-        ]
+        portions = [whole(each) for each in held.components]
+        if weights is not None:
+            most = weights.max(initial=0.0)
+            lowered = (np.minimum(weights * np.float32(factor), most) for factor in factors)
+            portions = [
+                each.scaled(lambda vertices, some=some: some[vertices])  # type: ignore[misc]
+                for each, some in zip(portions, lowered, strict=True)
+            ]
         if not edit.fixed or not edit.rules.reach_targets:
             return portions
         kept = kept_by_fixed_points(self._rows, self._mesh.vertices, edit, handle, held)
@@ -142,11 +145,11 @@ class WeightsByFeatures:
     def _left(self, fixed: tuple[Fixed, ...], place: Place) -> float:
         """Return the weight of a handle at its own place, in [0, 1], after the subtraction of fixed points (Eq. 6)."""
         most = 0.0
-        own = self._rows.of([place])
+        own = self._rows.of(place)
         for each in fixed:
             if self._rows.holds(each.place, place):
                 most = max(most, each.strength)
-            apart = np.linalg.norm(own[:, None] - self._rows.of([each.place])[None], axis=2)
+            apart = np.linalg.norm(own[:, None] - self._rows.of(each.place)[None], axis=2)
             most = max(most, each.strength * (1.0 - float(apart.min(axis=1).max())))
         return 1.0 - most
 
@@ -253,13 +256,6 @@ class WeightsByFeatures:
         column *= np.float32(controls.strength)
         if controls.mask is not None:
             column *= self._rows.inside(controls.mask, controls.mask_feather)
-
-
-def _lowered(component: Component, weights: Float32, factor: float) -> Portion:
-    """Return the portion of a component. `weights` (V,) and `factor` multiply its weights, up to their largest."""
-    scaled = np.minimum(weights * np.float32(factor), weights.max(initial=0.0))
-    still = Share(component.core.vertices, component.core.values * scaled[component.core.vertices])
-    return Portion(still, component, component.share * scaled[component.vertices])
 
 
 def _sparse(weights: Float32) -> Share:

@@ -1,20 +1,22 @@
-"""Find the contacts of a part: where a piece that moves touches surface that does not move with it.
+"""Join other pieces of the mesh to a part, and find its contacts: opened only if the mesh has several pieces.
 
 A piece is a connected component of the mesh, such as a leg of a chair that was modeled alone. A piece without a border
-on its own surface is attached only by its contacts. So its weights fall to 0 at them, as at the border of a limb. What
-touches only the part, such as fingers on a hand, moves with the part.
+on its own surface is attached only by its contacts, where it touches surface that does not move with it. So its weights
+fall to 0 at them, as at the border of a limb. What touches only the part, such as fingers on a hand, moves with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.coarse import Nodes
 
+BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length
 # Measured with 72 pulls and turns at random places of six models of 9 to 97 pieces (a chair, a truck, a tank, a crab, a
 # person, a robot), as the share of vertices that move, and the median of the largest stretch of an edge.
 #
@@ -49,14 +51,63 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Attachment:
-    """The contacts of one component with surface outside the part. Distances are in mesh units, along the surface."""
+class Contacts:
+    """The contacts of one component with surface outside the part. Distances are in mesh units, along the surface.
+
+    They are distances of mesh nodes, and in `Component.contacts`, those of the component's vertices.
+    """
 
     kept: tuple[Contact, ...]  # contacts at which the component stretches, so that they stay in place
-    apart: Float64  # (N,) distance of the component's nodes from the kept contacts; 0 also behind them
+    apart: NDArray[np.floating]  # (N,) a: distance of the component's nodes from the kept contacts; 0 also behind them
     drawing: tuple[Contact, ...]  # contacts at which the touched piece stretches, so that it follows the component
-    drawn: Float64  # (N,) distance of the nodes of touched pieces from the drawing contacts; infinite elsewhere
+    # drawn: (N,) distance of the nodes of touched pieces from the drawing contacts; infinite elsewhere. For vertices,
+    # (D,): the last D vertices of the component lie on touched pieces
+    drawn: NDArray[np.floating]
     reach: float  # half of the largest distance on a touched piece, the smallest of all touched pieces
+    free: float = 0.0  # A: largest distance of the inner end of the band at the kept contacts from them
+
+    def at_vertices(self, nodes: Nodes, vertices: Int64) -> tuple["Contacts", Int64]:
+        """Return the contacts with distances of `vertices` (M,), and the vertices (D,) of touched pieces that follow.
+
+        The distances are those of both, (M + D,), one after the other.
+        """
+        touched = np.flatnonzero((self.drawn < self.reach)[nodes.follows][nodes.of_vertex])
+        apart = nodes.known_at(self.apart[nodes.follows], vertices)
+        drawn = nodes.known_at(self.drawn[nodes.follows], touched)
+        apart = np.concatenate([apart, np.full(len(touched), np.inf)])
+        return replace(self, apart=apart.astype(np.float32), drawn=drawn.astype(np.float32)), touched
+
+
+def joined(nodes: Nodes, component: Int64) -> Int64:
+    """Return `component` (N,), in which components join larger ones inside whose bounding boxes they lie.
+
+    An example is a hub inside a tire. The mesh does not connect the two.
+    """
+    result = component.copy()
+    inside = np.flatnonzero(component >= 0)
+    order = inside[np.argsort(component[inside], kind="stable")]
+    members = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
+    members.sort(key=lambda each: (-len(each), each[0]))
+    centers = np.array([nodes.center[each].mean(axis=0) for each in members])
+    of_mesh = np.array([nodes.component[each[0]] for each in members])
+    alone = np.ones(len(members), bool)
+    for rank, each in enumerate(members):
+        if alone[rank]:
+            alone[rank] = False
+            joins = alone & (of_mesh != of_mesh[rank]) & _in_box(nodes.center[each], centers)
+            numbers = component[[each[0], *(members[other][0] for other in np.flatnonzero(joins))]]
+            result[np.isin(component, numbers)] = numbers.min()  # the component at the handle keeps its number 0
+            alone &= ~joins
+    return result
+
+
+def _in_box(points: Float64, others: Float64) -> Bool:
+    """Return whether each of `others` (M, 3) lies in the PCA-aligned bounding box of `points` (N, 3), (M,) bool."""
+    center = points.mean(axis=0)
+    axes = np.linalg.svd(points - center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
+    own, along = (points - center) @ axes.T, (others - center) @ axes.T
+    margin = BOX_MARGIN * np.ptp(own, axis=0)
+    return ((along >= own.min(axis=0) - margin) & (along <= own.max(axis=0) + margin)).all(axis=1)
 
 
 def with_hanging(nodes: Nodes, component: Int64) -> Int64:
@@ -96,7 +147,7 @@ def _regions_beside(graph: csr_array, component: Int64, region: Int64, count: in
     return found
 
 
-def attachments(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[Attachment | None]:
+def contacts_of(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[Contacts | None]:
     """Return the contacts of each component of a part with surface outside the part; None if it has none.
 
     `component` (N,) is the component of each node, −1 outside. `held` are the nodes of the handle or the counterpart on
@@ -115,7 +166,7 @@ def attachments(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[A
     free = ~bordered[component[one], piece[one]]
     one, other = one[free], other[free]
     found = [
-        _attachment(nodes, component, k, one[component[one] == k], other[component[one] == k], at)
+        _contacts(nodes, component, k, one[component[one] == k], other[component[one] == k], at)
         for k, at in enumerate(held)
     ]
     drawn = np.array([np.full(len(component), np.inf) if each is None else each.drawn for each in found])
@@ -125,9 +176,24 @@ def attachments(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[A
     return found
 
 
-def _attachment(
+def with_room(nodes: Nodes, contacts: Sequence[Contacts | None], held: Int64, most: float) -> list[Contacts | None]:
+    """Return the `contacts` of all components with their limits `free`: `most` times the largest distance.
+
+    If the handle, the vertices `held` (N,) on the first component, lies nearer to a contact, all limits shrink alike,
+    so that the handle has weight 1.
+    """
+    apart = [np.zeros(0) if each is None else each.apart for each in contacts]
+    deepest = [float(each[np.isfinite(each)].max(initial=0.0)) for each in apart]
+    room = 1.0
+    if contacts[0] is not None and deepest[0] > 0:
+        here = float(nodes.known_at(apart[0][nodes.follows], held).min(initial=np.inf))
+        room = min(here / (most * deepest[0]), 1.0)
+    return [each and replace(each, free=room * most * deep) for each, deep in zip(contacts, deepest, strict=True)]
+
+
+def _contacts(
     nodes: Nodes, component: Int64, number: int, touching: Int64, beside: Int64, held: Int64
-) -> Attachment | None:
+) -> Contacts | None:
     """Return the contacts of component `number`. Its nodes `touching` (C,) touch the nodes `beside` (C,)."""
     if not len(touching):
         return None
@@ -163,7 +229,7 @@ def _attachment(
         away = _distances(nodes.surface, some, source)
         drawn[some] = np.minimum(drawn[some], away)
         reach = min(reach, float(away[np.isfinite(away)].max()) / 2)
-    return Attachment(tuple(kept), apart, tuple(drawing), drawn, reach)
+    return Contacts(tuple(kept), apart, tuple(drawing), drawn, reach)
 
 
 def _distances(graph: csr_array, some: Int64, sources: Int64) -> Float64:

@@ -5,16 +5,15 @@ own pivot, which corresponds to the handle's pivot. If two legs are mirror image
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.weights.fill import Counterpart
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
-from dfd.posing.transforms import Transform
 from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -23,52 +22,12 @@ from dfd.symmetry.plane import SymmetryPlane
 IMAGE_TOLERANCE = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Counterpart:
-    """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
-
-    vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
-    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`, or on
-    # a round component, the place that lies to its center as the handle lies to that of its own component
-    position: tuple[float, float, float]
-    frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
-    # image: (3, 4) isometry that maps the component at the handle onto this component; None if there is none
-    image: Float64 | None = None
-
-    def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
-        """Return the transform (3, 4) of this counterpart for the transform `affine` of a handle at `position` (3,)."""
-        here, there = np.asarray(self.position), np.asarray(position, np.float64)
-        # In these two cases, the equation below would only add rounding errors.
-        if np.array_equal(affine, np.eye(3, 4)) or (np.array_equal(here, there) and (self.frame == np.eye(3)).all()):
-            return affine
-        linear = self.frame @ affine[:, :3] @ self.frame.T
-        moved = affine[:, :3] @ there + affine[:, 3] - there  # displacement of the handle
-        return np.column_stack([linear, here + self.frame @ moved - linear @ here])
-
-    def motion(self, motion: Transform, position: Sequence[float]) -> Transform:
-        """Return the motion of this counterpart, without bend and twist, for that of a handle at `position` (3,)."""
-        if not motion.turns:
-            return Transform().changed(translation=self.frame @ motion.translation)
-        pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
-        axes = None if motion.axes is None else np.asarray(motion.axes)
-        if axes is None and len(set(motion.scale)) > 1:
-            axes = np.eye(3)
-        turned = np.linalg.det(self.frame) * self.frame  # rotation vectors are pseudovectors
-        return Transform().changed(
-            translation=self.frame @ motion.translation,
-            rotation=turned @ motion.rotation,
-            scale=motion.scale,
-            pivot=self.position + self.frame @ pivot,
-            axes=None if axes is None else axes @ self.frame.T,
-        )
-
-
 def find_counterparts(
     mesh: Mesh,
     component: Int64,
     vertex: int,
     position: Sequence[float],
-    similar: Float32 | None,
+    similar: Float32,
     planes: Sequence[SymmetryPlane],
 ) -> list[tuple[int, Counterpart]]:
     """Find the counterparts of a handle at `position` (3,), in mesh units. `vertex` is the vertex nearest to it.
@@ -78,9 +37,6 @@ def find_counterparts(
     """
     x, y, z = (float(value) for value in position)
     found = [Counterpart(vertex, (x, y, z), np.eye(3))]
-    if component.max(initial=0) == 0:
-        return [(0, found[0])]
-    assert similar is not None, "a part with several components needs features"
     nodes, weights = nodes_of(mesh), similar
     on_nodes = np.maximum.reduceat(weights[nodes.members], nodes.starts)
     best = np.full(component.max() + 2, -np.inf)  # the last entry is for nodes outside the part

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.editing.edit import Edit, box_center
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.held_part import Component
+from dfd.editing.weights.contacts import Contacts
 from dfd.geometry.coarse import Share
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY
@@ -33,7 +32,70 @@ REST, REST_OF_RADIUS = 0.0125, 0.2
 # it bends the axle if its pivot lies 0.8 % of its radius beside it. The figures in `contacts.py` hold from 0 to 0.5.
 VISIBLE, SLIDING = 1e-3, 0.25
 
+LEAST_DEPTH = 1e-3  # depths are raised until that of the handle is at least this, in radii, also after smoothing
+
 Factor = Callable[[NDArray[np.integer]], Float64]  # a function of vertices (N,)
+
+
+@dataclass(frozen=True, eq=False)
+class Counterpart:
+    """The place on a component that corresponds to a handle. The first counterpart of a handle is the handle itself."""
+
+    vertex: int  # the vertex nearest to the handle or to its mirror image, or the vertex most similar to the handle
+    # position: (3,) mesh units: that of the handle, of its mirror image if `image` is given, or else of `vertex`, or on
+    # a round component, the place that lies to its center as the handle lies to that of its own component
+    position: tuple[float, float, float]
+    frame: Float64  # (3, 3) orthogonal matrix that maps directions at the handle to directions at the counterpart
+    # image: (3, 4) isometry that maps the component at the handle onto this component; None if there is none
+    image: Float64 | None = None
+
+    def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
+        """Return the transform (…, 3, 4) of this counterpart for `affine` (…, 3, 4) of a handle at `position` (3,)."""
+        here, there = np.asarray(self.position), np.asarray(position, np.float64)
+        # In these two cases, the equation below would only add rounding errors.
+        if np.array_equal(affine, IDENTITY) or (np.array_equal(here, there) and (self.frame == np.eye(3)).all()):
+            return affine
+        linear = self.frame @ affine[..., :3] @ self.frame.T
+        moved = affine[..., :3] @ there + affine[..., 3] - there  # displacement of the handle
+        return np.concatenate([linear, (here + moved @ self.frame.T - linear @ here)[..., None]], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A connected component of a part, such as a leg, at rest. Lengths are in mesh units.
+
+    Letters are those of Eq. 9 to 12 in docs/how_it_works/method.md.
+    """
+
+    counterpart: Counterpart  # the handle itself, or the place on this component that corresponds to it
+    border: Float64  # (B, 3) points of the component's border; none if a whole piece of the mesh is the component
+    direction: Float64  # (3,) unit vector from the border to the middle; 0 if there is no border, or more than one
+    radius: float  # r: mean radius of the borders (`held_part.OUTSIDE`); 0 without a border
+    outward: float  # O: largest distance of the band's outer end from the border
+    inward: float  # N: largest distance of the band's inner end from the border
+    # room: ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    room: float
+    core: Share  # the vertices beyond the inner end of every band, and their share of the motion
+    vertices: Int32  # (M,) vertices that a band can contain
+    depth: Float32  # (M,) d: their depths
+    share: Float32  # (M,) s: their share of the motion: below 1 near another component that touches this one
+    contacts: Contacts | None = None  # contacts of its pieces with surface outside the part; None if there are none
+
+    def limited(self, vertex: int) -> Component | None:
+        """Return the component with bands that end before a vertex; None if the vertex lies outside or in no band."""
+        if self.core.at(vertex) == 1:
+            return self
+        contacts = self.contacts
+        own = self.vertices[: len(self.vertices) - (0 if contacts is None else len(contacts.drawn))]
+        number = int(np.searchsorted(own, vertex))
+        if number >= len(own) or own[number] != vertex or self.share[number] < 1:
+            return None
+        depth = float(self.depth[number])
+        apart = np.inf if contacts is None else float(contacts.apart[number])
+        if depth < min(self.inward, LEAST_DEPTH * self.radius) or not apart > 0:
+            return None
+        contacts = contacts and replace(contacts, free=min(contacts.free, apart))
+        return replace(self, inward=min(self.inward, depth), contacts=contacts)
 
 
 class Band(NamedTuple):
@@ -81,6 +143,8 @@ class Column:
     portions: tuple[Portion, ...]
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
     depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
+    # crowd: of the first column of a group, the group, and the vertices (N,) at which its sum may be above 1
+    crowd: tuple[list[int], Int64] | None = None
 
     def matrix(self, edit: Edit, most: float = np.inf) -> Float64:
         """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart.
@@ -127,7 +191,7 @@ class Column:
 def band_at_rest(component: Component, diagonal: float) -> Band:
     """Return the band of a component that does not move. `diagonal` is that of the bounding box of the mesh."""
     half = min(REST * diagonal, REST_OF_RADIUS * component.radius) / 2
-    loose = VISIBLE * diagonal if component.kept else 0.0
+    loose = VISIBLE * diagonal if component.contacts is not None and component.contacts.kept else 0.0
     return Band(min(half, component.outward), min(half, component.inward), loose)
 
 
@@ -138,8 +202,8 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     far as the handle, which has weight 1, leaves no room inside (Eq. 10 and 11).
     """
     rest = band_at_rest(component, diagonal)
-    if component.kept or component.drawing:
-        rest = _at_contacts(component, affine, default, VISIBLE * diagonal, rest)
+    if component.contacts is not None:
+        rest = _at_contacts(component.contacts, affine, default, VISIBLE * diagonal, rest)
     if not len(component.border):
         return rest
     with np.errstate(over="ignore", invalid="ignore"):
@@ -155,23 +219,23 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     return rest._replace(outward=float(outward), inward=float(inward))
 
 
-def _at_contacts(component: Component, affine: Float64, default: Float64, visible: float, rest: Band) -> Band:
+def _at_contacts(contacts: Contacts, affine: Float64, default: Float64, visible: float, rest: Band) -> Band:
     """Return the band `rest` with the widths at the contacts of a component that `affine` (3, 4) moves (Eq. 12).
 
     `default` (3, 4) moves its surroundings. Openings below `visible` mesh units are not closed.
     """
     loose, kept, drawn, outward = rest.loose, 0.0, 0.0, 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        for contact in (*component.kept, *component.drawing):
+        for contact in (*contacts.kept, *contacts.drawing):
             opened, moved = contact.motion(affine, default)
             least = max(visible, SLIDING * moved)
             width = STEEPEST / STRAIN * max(opened - least / 2, 0.0)
-            if contact in component.kept:
+            if contact in contacts.kept:
                 loose, kept = min(loose, max(least - opened, 0.0)), max(kept, width)
             else:
                 drawn = max(drawn, min(max(2 * opened / least - 1, 0.0), 1.0))
                 outward = max(outward, width)
-    kept, outward = np.fmin(kept, component.free), np.fmin(outward, component.drawn_reach)
+    kept, outward = np.fmin(kept, contacts.free), np.fmin(outward, contacts.reach if contacts.drawing else 0.0)
     return rest._replace(loose=float(loose), kept=float(kept), drawn=float(drawn), drawn_outward=float(outward))
 
 
@@ -195,12 +259,12 @@ def bands_for(column: Column, affine: Float64, default: Float64, mesh: Mesh) -> 
 
 def weights_in(component: Component, band: Band) -> Float32:
     """Return the weights (M,) at `Component.vertices`, without shares (Eq. 9)."""
-    weights = weights_at(component.depth, band)
-    if component.apart is not None:
-        weights *= weights_at(component.apart, Band(band.loose, band.kept))
-    if component.drawn is not None and len(component.drawn):
-        outward = Band(band.drawn_outward, 0.0)
-        weights[-len(component.drawn) :] = np.float32(band.drawn) * weights_at(-component.drawn, outward)
+    weights, contacts = weights_at(component.depth, band), component.contacts
+    if contacts is not None:
+        weights *= weights_at(contacts.apart, Band(band.loose, band.kept))
+        if count := len(contacts.drawn):
+            outward = Band(band.drawn_outward, 0.0)
+            weights[-count:] = np.float32(band.drawn) * weights_at(-contacts.drawn, outward)
     return weights
 
 

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.points import Place
-from dfd.editing.weights.counterparts import Counterpart
+from dfd.editing.weights.fill import Counterpart
 from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.editing.weights.held_part import HeldPart
 
@@ -26,7 +26,7 @@ def kept_by_fixed_points(
     rows: HandleFeatures, points: Float64, edit: Edit, handle: Handle, held: HeldPart
 ) -> list[Factor]:
     """Return for each component of `held` a factor of its weights. `points` (V, 3) are the vertices."""
-    own = rows.of([handle.place])
+    own = rows.of(handle.place)
     looks = [rows.of_vertices(np.array([each.counterpart.vertex])) for each in held.components]
     still = np.ones(len(held.components))  # factors of whole components
     dividing: list[tuple[Float64, float]] = []

@@ -30,8 +30,10 @@ class HandleFeatures:
     `kept` is the cache of all steps that compute weights on this mesh.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None, *, full: bool = False) -> None:
         """Store `features` (V, D). If they are None, evaluate the field when features are first needed.
+
+        With `full`, features are evaluated in full, even above `MOST_EXACT` vertices.
 
         Raises ValueError if `features` is not finite, or its array shape does not fit the mesh and the field.
         """
@@ -44,7 +46,7 @@ class HandleFeatures:
         self._field = field
         self._on_mesh = FieldOnMesh(field, mesh)
         self._features: Float32 | CompactFeatures | None = features
-        self.full = False  # if True, features are evaluated in full, even above `MOST_EXACT` vertices
+        self._full = full
         self.kept = Kept(SPARE, **MOST)
 
     @property
@@ -58,7 +60,7 @@ class HandleFeatures:
         """Evaluate the features, unless they exist. `progress` gets the number of rows since its previous call."""
         if self._features is not None:
             return
-        if len(self._mesh.vertices) > MOST_EXACT and not self.full:
+        if len(self._mesh.vertices) > MOST_EXACT and not self._full:
             self._features = compact(self._on_mesh, progress=progress)
         else:
             self._features = self._field.features(self._mesh)
@@ -122,27 +124,16 @@ class HandleFeatures:
 
         If a place is a region, return a list, which has the vertices or the features of each place.
         """
-        known = [self._known(place) for place in places]
+        known = [self.of(place) if _in_space(place) else self.vertices(place) for place in places]
         if any(place.region is not None for place in places):
-            return [self.of([place]) if own[0] < 0 else own for place, own in zip(places, known, strict=True)]
-        vertices = np.concatenate(known)
-        return vertices if (vertices >= 0).all() else self.of(places)
+            return known
+        return np.concatenate([self.of(each) for each in places] if any(map(_in_space, places)) else known)
 
-    def _known(self, place: Place) -> Int64:
-        """Return vertices (N,) that represent a place, or −1 for a point in space."""
-        in_space = place.region is None and place.vertex is None
-        return np.array([-1]) if in_space else self.vertices(place)
-
-    def of(self, places: Sequence[Place]) -> Float32:
-        """Return the features (N, D) of places. A region has one row for each of its representatives."""
-        vertices = np.concatenate([self._known(place) for place in places])
-        known = vertices >= 0
-        rows = np.empty((len(vertices), self._field.dimension), np.float32)
-        if not known.all():
-            positions = [place.position for place in places if place.vertex is None and place.region is None]
-            rows[~known] = self._on_mesh.at(np.array(positions))
-        rows[known] = self.of_vertices(vertices[known])
-        return rows
+    def of(self, place: Place) -> Float32:
+        """Return the features (N, D) of a place: one row, or for a region one row for each of its representatives."""
+        if _in_space(place):
+            return self._on_mesh.at(np.array([place.position]))
+        return self.of_vertices(self.vertices(place))
 
     def of_vertices(self, vertices: Int64) -> Float32:
         """Return the features (N, D) of `vertices` (N,), without evaluating those of all vertices."""
@@ -151,6 +142,11 @@ class HandleFeatures:
         if isinstance(self._features, CompactFeatures):
             return self._features.rows(vertices)
         return self._features[vertices]
+
+
+def _in_space(place: Place) -> bool:
+    """Return whether a place is a point in space, which has no vertex."""
+    return place.region is None and place.vertex is None
 
 
 def _farthest_apart(rows: Float32, most: int) -> Int64:

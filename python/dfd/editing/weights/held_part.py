@@ -5,7 +5,7 @@ Distances never cross a gap, such as a gap between lips, teeth or fingers. Nothi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,13 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, unit
-from dfd.editing.weights.contacts import Attachment, Contact, attachments, with_hanging
-from dfd.editing.weights.counterparts import Counterpart, find_counterparts
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64, unit
+from dfd.editing.weights.contacts import Contacts, contacts_of, joined, with_hanging, with_room
+from dfd.editing.weights.counterparts import find_counterparts
+from dfd.editing.weights.fill import LEAST_DEPTH, Component, Counterpart
 from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import vector
 from dfd.symmetry.plane import SymmetryPlane
 
 # The radius of a border is the root mean squared distance of its points from their center, such as that of a limb at
@@ -26,51 +28,7 @@ from dfd.symmetry.plane import SymmetryPlane
 OUTSIDE, BEYOND, INSIDE = 1.5, 0.2, 0.5
 # Depths are smoothed by a Gaussian with this standard deviation, in radii, because borders run in zigzags along nodes.
 SMOOTHING = 0.4
-LEAST_DEPTH = 1e-3  # depths are raised until that of the handle is at least this, in radii, also after smoothing
 LARGEST = 1e300  # stands for infinite lengths in divisions
-BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by this fraction of the box's length
-
-
-@dataclass(frozen=True, eq=False)
-class Component:
-    """A connected component of a part, such as a leg, at rest. Lengths are in mesh units.
-
-    Letters are those of Eq. 9 to 12 in docs/how_it_works/method.md.
-    """
-
-    counterpart: Counterpart  # the handle itself, or the place on this component that corresponds to it
-    border: Float64  # (B, 3) points of the component's border; none if a whole piece of the mesh is the component
-    direction: Float64  # (3,) unit vector from the border to the middle; 0 if there is no border, or more than one
-    radius: float  # r: mean radius of the borders (`OUTSIDE`); 0 without a border
-    outward: float  # O: largest distance of the band's outer end from the border
-    inward: float  # N: largest distance of the band's inner end from the border
-    room: (
-        float  # ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
-    )
-    core: Share  # the vertices beyond the inner end of every band, and their share of the motion
-    vertices: Int32  # (M,) vertices that a band can contain
-    depth: Float32  # (M,) d: their depths
-    share: Float32  # (M,) s: their share of the motion: below 1 near another component that touches this one
-    kept: tuple[Contact, ...] = ()  # contacts with surface outside the part that stay in place; see `Attachment`
-    apart: Float32 | None = None  # (M,) a: distances of `vertices` from the kept contacts
-    free: float = 0.0  # A: largest distance of the inner end of the band at the kept contacts from them
-    drawing: tuple[Contact, ...] = ()  # contacts at which the touched surface follows
-    drawn: Float32 | None = None  # (D,) distances from these contacts; the last D of `vertices` lie on touched surface
-    drawn_reach: float = 0.0  # largest distance of the outer end of the band on touched surface
-
-    def limited(self, vertex: int) -> "Component | None":
-        """Return the component with bands that end before a vertex; None if the vertex lies outside or in no band."""
-        if self.core.at(vertex) == 1:
-            return self
-        own = self.vertices[: len(self.vertices) - (0 if self.drawn is None else len(self.drawn))]
-        number = int(np.searchsorted(own, vertex))
-        if number >= len(own) or own[number] != vertex or self.share[number] < 1:
-            return None
-        depth = float(self.depth[number])
-        apart = np.inf if self.apart is None else float(self.apart[number])
-        if depth < min(self.inward, LEAST_DEPTH * self.radius) or not apart > 0:
-            return None
-        return replace(self, inward=min(self.inward, depth), free=min(self.free, apart))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,61 +74,35 @@ def hold(
     component end outside the vertices `region` (R,). With `detach`, nothing hangs on the part, and no contact holds it.
     """
     nodes = nodes_of(mesh)
-    component = joined(nodes, component)
-    component = (component if detach else with_hanging(nodes, component))[nodes.follows]
-    found = find_counterparts(mesh, component, vertex, position, similar, planes)
-    rank = np.full(component.max() + 2, -1)  # the last entry is for nodes outside the part
-    rank[[number for number, _ in found]] = np.arange(len(found))
-    component, counterparts = rank[component], [one for _, one in found]
-    held = [nodes.of_vertex[[one.vertex]].astype(np.int64) for one in counterparts]
-    if region is not None:
-        at = nodes.of_vertex[region]
-        held[0] = np.unique(at[component[at] == 0]).astype(np.int64)
-    attached = [None] * len(held) if detach else attachments(nodes, component, held)
-    components = _components(nodes, component, vertex, counterparts, region, attached)
-    return HeldPart(components, nodes, component)
-
-
-def joined(nodes: Nodes, component: Int64) -> Int64:
-    """Return `component` (N,), in which components join larger ones inside whose bounding boxes they lie.
-
-    An example is a hub inside a tire. The mesh does not connect the two.
-    """
-    result = component.copy()
-    inside = np.flatnonzero(component >= 0)
-    order = inside[np.argsort(component[inside], kind="stable")]
-    members = np.split(order, np.flatnonzero(np.diff(component[order])) + 1)
-    members.sort(key=lambda each: (-len(each), each[0]))
-    centers = np.array([nodes.center[each].mean(axis=0) for each in members])
-    of_mesh = np.array([nodes.component[each[0]] for each in members])
-    alone = np.ones(len(members), bool)
-    for rank, each in enumerate(members):
-        if alone[rank]:
-            alone[rank] = False
-            joins = alone & (of_mesh != of_mesh[rank]) & _in_box(nodes.center[each], centers)
-            numbers = component[[each[0], *(members[other][0] for other in np.flatnonzero(joins))]]
-            result[np.isin(component, numbers)] = numbers.min()  # the component at the handle keeps its number 0
-            alone &= ~joins
-    return result
-
-
-def _in_box(points: Float64, others: Float64) -> Bool:
-    """Return whether each of `others` (M, 3) lies in the PCA-aligned bounding box of `points` (N, 3), (M,) bool."""
-    center = points.mean(axis=0)
-    axes = np.linalg.svd(points - center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
-    own, along = (points - center) @ axes.T, (others - center) @ axes.T
-    margin = BOX_MARGIN * np.ptp(own, axis=0)
-    return ((along >= own.min(axis=0) - margin) & (along <= own.max(axis=0) + margin)).all(axis=1)
+    several_pieces = nodes.component.any()
+    if several_pieces:
+        component = joined(nodes, component)
+        component = component if detach else with_hanging(nodes, component)
+    component = component[nodes.follows]
+    counterparts = [Counterpart(vertex, vector("position", position), np.eye(3))]
+    if component.max() > 0:
+        assert similar is not None, "a part with several components needs features"
+        found = find_counterparts(mesh, component, vertex, position, similar, planes)
+        rank = np.full(component.max() + 2, -1)  # the last entry is for nodes outside the part
+        rank[[number for number, _ in found]] = np.arange(len(found))
+        component, counterparts = rank[component], [one for _, one in found]
+    contacts: list[Contacts | None] = [None] * len(counterparts)
+    own = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
+    if several_pieces and not detach:
+        held = [np.unique(nodes.of_vertex[own]), *(nodes.of_vertex[[one.vertex]] for one in counterparts[1:])]
+        contacts = contacts_of(nodes, component, [each.astype(np.int64) for each in held])
+        contacts = with_room(nodes, contacts, own, INSIDE)
+    return HeldPart(_components(nodes, component, own, counterparts, contacts), nodes, component)
 
 
 def _components(
     nodes: Nodes,
     component: Int64,
-    vertex: int,
+    held: Int64,
     counterparts: Sequence[Counterpart],
-    region: Int64 | None,
-    attached: Sequence[Attachment | None],
+    contacts: Sequence[Contacts | None],
 ) -> tuple[Component, ...]:
+    """Return the components of a part. The handle is at the vertices `held` (H,) of the first of them."""
     count, surface = len(counterparts), nodes.surface
     row = np.repeat(np.arange(len(component)), np.diff(surface.indptr))
     one, other = component[row], component[surface.indices]
@@ -190,41 +122,24 @@ def _components(
         apart[k, component == k] = 0.0
     outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
     deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
-    shares = _shares(apart, component, int(nodes.of_vertex[vertex]), outward)
+    shares = _shares(apart, component, int(nodes.of_vertex[counterparts[0].vertex]), outward)
     fields, inward = [], INSIDE * deepest
     for k in range(count):
         field, deviation = np.where(inside, depth, -apart[k]), SMOOTHING * radii[k]
         fields.append(_smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)[nodes.follows])
     shares = shares[:, nodes.follows]
     # The handle lies inside the part, also after smoothing, and beyond the inner end of the band, so that it arrives.
-    held = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
-    here = float(_on_vertices(nodes, fields[0], held).min(initial=np.inf))
+    here = float(nodes.known_at(fields[0], held).min(initial=np.inf))
     shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
     room = min((here + shift) / max(inward[0], 1e-300), 1.0)
-    free, found = _free(nodes, attached, held), []
+    found = []
     for k, (counterpart, (border, number, radius)) in enumerate(zip(counterparts, borders, strict=True)):
         direction, ends = np.zeros(3), (float(outward[k]), float(room * inward[k]))
         if number == 1:
             direction = unit((nodes.center[component == k].mean(axis=0) - border.mean(axis=0))[None])[0]
-        at_vertices = _at_vertices(nodes, fields[k] + shift, shares[k], *ends, attached[k], free[k])
+        at_vertices = _at_vertices(nodes, fields[k] + shift, shares[k], *ends, contacts[k])
         found.append(Component(counterpart, border, direction, radius, *ends, room, **at_vertices))
     return tuple(found)
-
-
-def _free(nodes: Nodes, attached: Sequence[Attachment | None], held: Int64) -> list[float]:
-    """Return for each component the largest distance of the inner end of the band at its contacts from them.
-
-    It is at most `INSIDE` of the largest distance. If the handle, the vertices `held` (N,), lies nearer to a contact,
-    all distances shrink alike, so that the handle has weight 1.
-    """
-    deepest = [
-        0.0 if each is None else float(each.apart[np.isfinite(each.apart)].max(initial=0.0)) for each in attached
-    ]
-    room = 1.0
-    if attached[0] is not None and deepest[0] > 0:
-        here = float(_on_vertices(nodes, attached[0].apart[nodes.follows], held).min(initial=np.inf))
-        room = min(here / (INSIDE * deepest[0]), 1.0)
-    return [room * INSIDE * each for each in deepest]
 
 
 def _border(nodes: Nodes, row: Int64, beside: Int64, cut: Bool) -> tuple[Float64, int, float]:
@@ -323,54 +238,33 @@ def _smoothed(surface: csr_array, field: Float64, low: float, high: float, devia
     return result
 
 
-def _on_vertices(nodes: Nodes, field: Float64, vertices: Int64) -> Float64:
-    """Interpolate `field` (N,) to `vertices` (M,). Nodes with infinite values are left out."""
-    known = np.isfinite(field)
-    rows = np.stack([np.where(known, field, 0.0), known], axis=1).astype(np.float32)
-    found = nodes.interpolated(rows, vertices).astype(np.float64)
-    some = found[:, 1] > 1e-6
-    result = field[nodes.of_vertex[vertices]]
-    result[some] = np.where(np.isfinite(result[some]), found[some, 0] / found[some, 1], result[some])
-    return result
-
-
 def _at_vertices(
-    nodes: Nodes,
-    field: Float64,
-    share: Float64,
-    outward: float,
-    inward: float,
-    attached: Attachment | None,
-    free: float,
+    nodes: Nodes, field: Float64, share: Float64, outward: float, inward: float, contacts: Contacts | None
 ) -> dict[str, Any]:
-    """Return the fields of a `Component` that have values at vertices, and its contacts.
+    """Return the fields of a `Component` that have values at vertices.
 
     `field` and `share` (N,) are the depths and the shares of the nodes. The other arguments are fields of `Component`.
     """
     used = (share > 0) & (field > -outward)
     uncertain = ~((field >= inward) & (share >= 1))
-    if attached is not None:
-        uncertain |= attached.apart[nodes.follows] < free
+    if contacts is not None:
+        uncertain |= contacts.apart[nodes.follows] < contacts.free
     # A vertex belongs to the core if all nodes from which its depth is interpolated do.
     if not nodes.are_vertices:
         used, uncertain = nodes.reach @ used, nodes.reach @ uncertain
     core = np.flatnonzero((used & ~uncertain)[nodes.of_vertex])
     vertices = np.flatnonzero((used & uncertain)[nodes.of_vertex])
-    depth = _on_vertices(nodes, field, vertices)
+    depth = nodes.known_at(field, vertices)
     shares = nodes.interpolated(share.astype(np.float32), vertices)
     some = (depth > -outward) & (shares > 0)
     vertices, depth, shares = vertices[some], depth[some], shares[some]
-    found: dict[str, Any] = {"core": Share(core.astype(np.int32), np.ones(len(core), np.float32))}
-    if attached is not None and attached.kept:
-        apart = _on_vertices(nodes, attached.apart[nodes.follows], vertices).astype(np.float32)
-        found |= {"kept": attached.kept, "apart": apart, "free": free}
-    if attached is not None and attached.drawing:
-        touched = np.flatnonzero((attached.drawn < attached.reach)[nodes.follows][nodes.of_vertex])
-        drawn = _on_vertices(nodes, attached.drawn[nodes.follows], touched).astype(np.float32)
-        found |= {"drawing": attached.drawing, "drawn": drawn, "drawn_reach": attached.reach}
-        far = np.full(len(touched), np.inf)
-        if attached.kept:
-            found["apart"] = np.concatenate([found["apart"], far.astype(np.float32)])
-        vertices, depth = np.concatenate([vertices, touched]), np.concatenate([depth, far])
-        shares = np.concatenate([shares, np.ones(len(touched), np.float32)])
-    return found | {"vertices": vertices.astype(np.int32), "depth": depth.astype(np.float32), "share": shares}
+    if contacts is not None:
+        contacts, touched = contacts.at_vertices(nodes, vertices)
+        vertices = np.concatenate([vertices, touched])
+        depth = np.concatenate([depth, np.full(len(touched), np.inf)])
+        shares = np.concatenate([shares, np.ones(len(touched))])
+    found = {
+        "core": Share(core.astype(np.int32), np.ones(len(core), np.float32)),
+        "vertices": vertices.astype(np.int32),
+    }
+    return found | {"depth": depth.astype(np.float32), "share": shares.astype(np.float32), "contacts": contacts}

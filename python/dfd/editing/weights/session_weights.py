@@ -6,28 +6,21 @@ place, level ─ part (segmentation) ─ held part ─ share (several handles) �
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Float64
+from dfd.common.linear_algebra import Float32
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.points import Place
-from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.axis_motions import BendablePart, bendable_parts, bent
-from dfd.editing.weights.counterparts import Counterpart
-from dfd.editing.weights.fill import Band, Column, Portion, bands_for, bands_of, fill, filled, filled_at_rest, whole
+from dfd.editing.weights.fill import Band, Column, Counterpart, Portion, bands_of, filled, whole
 from dfd.editing.weights.handle_features import MOST, SPARE, HandleFeatures
 from dfd.editing.weights.held_part import HeldPart, hold
 from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
-from dfd.geometry.gaps import Gaps
 from dfd.geometry.part_axis import PartAxes
 from dfd.mesh.mesh import Mesh
-from dfd.posing.pose import IDENTITY
-from dfd.posing.transforms import Transform
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
@@ -35,17 +28,6 @@ from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
     from dfd.editing.weights.by_features import WeightsByFeatures
-    from dfd.editing.weights.several_handles import Crowd
-
-LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """The columns of an edit, and the vertices at which the weights of several handles may have a sum above 1."""
-
-    columns: tuple[Column, ...]
-    crowded: tuple[Crowd, ...] = ()
 
 
 class SessionWeights:
@@ -55,11 +37,11 @@ class SessionWeights:
     mesh.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        """Store `features` (V, D), or None, as `HandleFeatures` does."""
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None, *, full: bool = False) -> None:
+        """Store `features` (V, D), or None, as `HandleFeatures` does, and use them in full if wanted."""
         self.mesh, self.field = mesh, field
-        self.rows = HandleFeatures(mesh, field, features)
-        self._axes, self._kept = PartAxes(mesh), self.rows.kept
+        self.rows = HandleFeatures(mesh, field, features, full=full)
+        self.axes, self._kept = PartAxes(mesh), self.rows.kept
 
     # --- the pipeline, from the last step to the first
 
@@ -70,25 +52,28 @@ class SessionWeights:
 
         `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
         """
-        plan = self.plan(edit)
+        columns = self.plan(edit)
         chosen = tuple(self.bands(edit) if bands is None else bands)
 
         def find() -> Float32:
-            weights = filled(plan.columns, chosen, self.mesh)
-            if plan.crowded:
+            weights = filled(columns, chosen, self.mesh)
+            if any(column.crowd is not None for column in columns):
                 from dfd.editing.weights.several_handles import limited
 
-                weights = limited(plan.crowded, weights)
+                weights = limited(columns, weights)
             weights.flags.writeable = False
             return weights
 
-        return self._kept.get("weights", (plan, chosen), find), plan.columns
+        return self._kept.get("weights", (columns, chosen), find), columns
 
-    def bands(self, edit: Edit) -> list[tuple[Band, ...]]:
-        """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12)."""
-        return [bands_of(column, self.mesh, edit) for column in self.plan(edit).columns]
+    def bands(self, edit: Edit, moved: Edit | None = None) -> list[tuple[Band, ...]]:
+        """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12), for the motions of `moved`.
 
-    def plan(self, edit: Edit) -> Plan:
+        If `moved` is None, the motions are those of `edit`.
+        """
+        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit)]
+
+    def plan(self, edit: Edit) -> tuple[Column, ...]:
         """Return the columns of all handles. They depend on motions only by which handles move.
 
         If several handles move, `several_handles` decides which of them moves which component.
@@ -97,54 +82,69 @@ class SessionWeights:
         key = (told, edit.fixed, edit.preset, edit.symmetry, edit.sharing)
         return self._kept.get("plan", key, lambda: self._planned(edit))
 
-    def _planned(self, edit: Edit) -> Plan:
-        self._make_room(len(edit.handles))
+    def _planned(self, edit: Edit) -> tuple[Column, ...]:
+        self.make_room(len(edit.handles))
         columns = [
             column
             for number, handle in enumerate(edit.handles)
-            for column in self._of_handle(edit, number, handle, split=number in edit.sharing or _is_split(handle))
+            for column in self.columns_of(edit, number, handle, split=number in edit.sharing or is_split(handle))
         ]
         if not edit.sharing:
-            return Plan(tuple(columns))
+            return tuple(columns)
         from dfd.editing.weights.several_handles import shared
 
         vertex_of = {number: self.rows.anchor(edit.handles[number].place) for number in edit.sharing}
-        return Plan(*shared(columns, vertex_of, self.mesh))
+        return shared(columns, vertex_of, self.mesh)
 
-    def _of_handle(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
+    def columns_of(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
         """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
         # place, level → part → held part: depths d, shares s and distances a of Eq. 9, and the limits of Eq. 10 to 12
         held = self.held(edit, handle) if _needs_counterparts(handle, edit) else None
         # what controls and fixed points leave of each component, and which components move
-        portions = self._portions(edit, handle, held, equalize=edit.rules.equalize)
-        counterparts, own = self._counterparts(handle, held), self._own(handle)
+        portions = self.portions(edit, handle, held, equalize=edit.rules.equalize)
+        counterparts, own = self.counterparts(handle, held), self.own(handle)
         moving = [(each, part) for (each, moves), part in zip(counterparts, portions, strict=True) if moves]
         if not split:
             return [Column(number, own, tuple(part for _, part in moving))]
-        return [Column(number, each if _is_split(handle) else own, (part,)) for each, part in moving]
+        return [Column(number, each if is_split(handle) else own, (part,)) for each, part in moving]
 
-    def _portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
+    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
         """Return the portion of each component of `held`: all of it, unless a control or a fixed point lowers it."""
         if held is not None and _is_plain(handle, edit):
             return [whole(each) for each in held.components]
         return self.by_features.portions(edit, handle, held, equalize=equalize)
 
-    def held(self, edit: Edit, handle: Handle) -> HeldPart | None:
-        """Return the part that a handle holds, or whose components share its weights; None if there is no part."""
-        level = handle.controls.level if handle.controls.reach == "part" else 0
-        return self.hold(handle.place, level, edit.symmetry, detach=handle.controls.detach)
+    def counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
+        """Return the counterparts of a handle, which holds `held`, and whether each moves. The first is the handle.
 
-    def hold(
-        self, place: Place, level: int = 0, plane: SymmetryPlane | None = None, *, detach: bool = False
-    ) -> HeldPart | None:
-        """Return the part at a place, at rest; None if there is no part, such as on a ball.
-
-        `level` is as in `Parts.part`, and `detach` as in the function `hold`. If given, `plane` replaces the shape's
-        planes of symmetry.
+        Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
+        The first counterpart always moves. The control `follow` says which others move.
         """
-        return self._kept.get("part", (place, level, plane, detach), lambda: self._held(place, level, plane, detach))
+        if held is None:
+            return [(self.own(handle), True)]
+        follow = handle.controls.follow
+        others = (one.counterpart.image is not None if follow == "mirror" else True for one in held.components[1:])
+        moving = [True, *(follow != "none" and moves for moves in others)]
+        for place in handle.controls.excluded_counterparts:
+            most = held.at(self.rows.anchor(place))
+            moving[most] = most == 0
+        return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
 
-    def _held(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> HeldPart | None:
+    def own(self, handle: Handle) -> Counterpart:
+        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
+        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
+
+    def held(self, edit: Edit, handle: Handle) -> HeldPart | None:
+        """Return the part that a handle holds at rest, or whose components share its weights; None if there is none.
+
+        On a ball, for example, there is no part. The plane of symmetry of `edit` replaces the planes of the shape.
+        """
+        controls = handle.controls
+        level = controls.level if controls.reach == "part" else 0
+        key = handle.place, level, edit.symmetry, controls.detach
+        return self._kept.get("part", key, lambda: self._hold(*key))
+
+    def _hold(self, place: Place, level: int, plane: SymmetryPlane | None, detach: bool) -> HeldPart | None:
         vertex, nodes = self.rows.anchor(place), nodes_of(self.mesh)
         followed = int(nodes.follows[nodes.of_vertex[vertex]])
         if followed != nodes.of_vertex[vertex]:  # the vertex has no faces, so it follows the nearest surface
@@ -183,11 +183,6 @@ class SessionWeights:
         return parts
 
     @cached_property
-    def gaps(self) -> Gaps:
-        """Return the places where pieces of the mesh touch each other."""
-        return Gaps(self.mesh)
-
-    @cached_property
     def parts(self) -> Parts:
         """Return the parts of the mesh."""
         return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
@@ -216,158 +211,14 @@ class SessionWeights:
 
         return WeightsByFeatures(self.mesh, self.rows)
 
-    def _make_room(self, handles: int) -> None:
+    def make_room(self, handles: int) -> None:
         """Let the cache keep what `handles` handles need, and not much more."""
         self._kept.most = max(SPARE, 2 * handles)
         large = max(handles, 1)
         self._kept.of_step = {**MOST, **dict.fromkeys(("column", "distances", "shares"), large)}
 
-    # --- what others ask of a handle
 
-    def weights(self, edit: Edit) -> Float32:
-        """Return the weights (V, H) of Eq. 4 to 7: each column is for a handle and all its counterparts."""
-        self._make_room(len(edit.handles))
-        found = np.zeros((len(edit.handles), len(self.mesh.vertices)), np.float32)
-        for number, (handle, row) in enumerate(zip(edit.handles, found, strict=True)):
-            held = self.held(edit, handle) if handle.controls.reach == "part" else None
-            portions = self._portions(edit, handle, held, equalize=False)
-            places = [self._own(handle)] if held is None else [each.counterpart for each in held.components]
-            columns = [Column(number, each, (one,)) for each, one in zip(places, portions, strict=True)]
-            bands = [band for column in columns for band in bands_of(column, self.mesh, edit)]
-            fill(Column(number, self._own(handle), tuple(portions)), bands, row)
-        return found.T
-
-    def following(self, edit: Edit) -> Float32:
-        """Return the weights (V, H), where the column of a handle is the sum over its counterparts."""
-        weights, columns = self.columns(edit)
-        followed = np.zeros((len(weights), len(edit.handles)), np.float32)
-        for index, column in enumerate(columns):
-            followed[:, column.handle] += weights[:, index]
-        return followed
-
-    def probed(self, vertex: int, level: int, affine: Float64) -> Float32 | None:
-        """Return the weights (V,) of the part at a vertex that `affine` (3, 4) moves; None if there is no part.
-
-        Counterparts are not searched, so this is fast enough to show the part under the pointer.
-        """
-        component = self.parts.components(vertex, level)
-        if component is None:
-            return None
-        held = hold(self.mesh, np.minimum(component, 0), vertex, self.mesh.vertices[vertex])
-        column = _alone(held)
-        return filled([column], [bands_for(column, affine, IDENTITY, self.mesh)], self.mesh)[:, 0]
-
-    def reach(self, edit: Edit, handle: Handle) -> float:
-        """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
-        if handle.controls.reach != "part":
-            return handle.controls.reach
-        held = self.held(edit, handle)
-        if held is None:
-            return PARTLESS_REACH
-        return self.by_features.reach(handle.place, filled_at_rest([_alone(held)], self.mesh)[:, 0])
-
-    def taken_over(self, edit: Edit, handle: Handle) -> Transform:
-        """Return the motion that the handles of `edit` give to the component at a new handle, see `several_handles`."""
-        moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
-        if not moving or edit.rules.overlap != "add":
-            return handle.transform
-        from dfd.editing.weights.several_handles import taken_over
-
-        if len(moving) > 1:
-            before = [column for column in self.plan(edit).columns if column.handle in moving]
-        else:
-            before = self._of_handle(edit, moving[0], edit.handles[moving[0]], split=True)
-        with_new = replace(edit, handles=(*edit.handles, handle))
-        own = self._of_handle(with_new, len(edit.handles), handle, split=True)[0]
-        return taken_over(edit, handle, self.rows.anchor(handle.place), own, before, self.mesh)
-
-    def check_targets(self, edit: Edit) -> None:
-        """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target.
-
-        A handle that moves a part always reaches its target, unless a fixed region contains it.
-        """
-        if edit.fixed and edit.rules.reach_targets:
-            held = [
-                handle
-                for handle in edit.handles
-                if any(self.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
-                or handle.controls.reach != "part"
-                or self.held(edit, handle) is None
-            ]
-            self.by_features.check_targets(edit, held)
-
-    def counterparts(self, edit: Edit, handle: Handle) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, and whether each moves with the handle. The first is the handle itself.
-
-        Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
-        The first counterpart always moves. The control `follow` says which others move.
-        """
-        return self._counterparts(handle, self.held(edit, handle))
-
-    def _counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
-        if held is None:
-            return [(self._own(handle), True)]
-        follow = handle.controls.follow
-        others = (one.counterpart.image is not None if follow == "mirror" else True for one in held.components[1:])
-        moving = [True, *(follow != "none" and moves for moves in others)]
-        for place in handle.controls.excluded_counterparts:
-            most = held.at(self.rows.anchor(place))
-            moving[most] = most == 0
-        return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
-
-    def counterpart_counts(self, edit: Edit) -> list[int]:
-        """Return the number of counterparts of each handle, (H,), without those below `LEAST_COUNTED`."""
-        weights, columns = self.columns(edit)
-        peaks: list[list[float]] = [[] for _ in edit.handles]
-        for column, peak in zip(columns, weights.max(axis=0, initial=0.0).tolist(), strict=True):
-            if _is_split(edit.handles[column.handle]):
-                peaks[column.handle].append(peak)
-        return [max(sum(peak >= LEAST_COUNTED * max(own) for peak in own), 1) if own else 1 for own in peaks]
-
-    def bendable_parts(self, edit: Edit, handle: Handle) -> list[BendablePart]:
-        """Return the connected components that follow a handle of `edit`, the component at the handle first.
-
-        They are those at rest, so the result does not depend on how far the handle moves.
-        """
-        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-        plan = self.plan(edit)
-
-        def find() -> list[BendablePart]:
-            own = [column for column in plan.columns if column.handle == number]
-            anchor = self.rows.anchor(handle.place)
-            return bendable_parts(self.mesh, self._axes, anchor, filled_at_rest(own, self.mesh), own, edit.symmetry)
-
-        key = (handle.place, handle.controls, edit.fixed, edit.symmetry, edit.preset, plan if edit.sharing else None)
-        return self._kept.get("axes", key, find)
-
-    def level_with_axis(self, edit: Edit, handle: Handle) -> int | None:
-        """Return the level nearest to the handle's at which its part bends along an axis; None if there is none."""
-        lowest, highest = self.parts_with(edit.symmetry).levels(self.rows.anchor(handle.place))
-        for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
-            other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
-            parts = self.bendable_parts(replace(edit, handles=(other,), poses=()), other)
-            if parts and parts[0].slender:
-                return level
-        return None
-
-    def bent(self, edit: Edit) -> Float64:
-        """Return the resting vertices (V, 3), bent and twisted by the handles of `edit`."""
-        bending = {
-            i: self.bendable_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends
-        }
-        return bent(self.mesh, edit, bending) if bending else self.mesh.vertices
-
-    def _own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
-        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
-
-
-def _alone(held: HeldPart) -> Column:
-    """Return a column that moves all components of a part."""
-    return Column(0, held.components[0].counterpart, tuple(whole(each) for each in held.components))
-
-
-def _is_split(handle: Handle) -> bool:
+def is_split(handle: Handle) -> bool:
     """Return whether each counterpart of a handle has its own column."""
     return handle.controls.counterparts != "shared_pivot"
 
@@ -375,7 +226,7 @@ def _is_split(handle: Handle) -> bool:
 def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
     """Return whether the columns of a handle depend on its counterparts."""
     controls, equalize = handle.controls, edit.rules.equalize
-    return controls.reach == "part" or _is_split(handle) or equalize or controls.excluded_counterparts != ()
+    return controls.reach == "part" or is_split(handle) or equalize or controls.excluded_counterparts != ()
 
 
 def _is_plain(handle: Handle, edit: Edit) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.fill import Column, filled_at_rest, whole
+from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest, whole
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
@@ -23,16 +23,11 @@ LEAST_IOU = 0.5  # two components count as the same if their intersection over u
 LEAST_NESTED = 0.8  # component A is nested in component B if more than this fraction of A lies in B
 TAKEN_OVER = 0.95  # a new handle takes over the motion of a component if its own has at least this IoU with it
 
-Crowd = tuple[tuple[int, ...], Int64]  # a group of columns, and the vertices (N,) at which their sum may be above 1
 
+def shared(columns: Sequence[Column], vertex_of: dict[int, int], mesh: Mesh) -> tuple[Column, ...]:
+    """Return the columns in which each component follows one of the moving handles, so that all reach their targets.
 
-def shared(
-    columns: Sequence[Column], vertex_of: dict[int, int], mesh: Mesh
-) -> tuple[tuple[Column, ...], tuple[Crowd, ...]]:
-    """Assign each component to one of the moving handles, so that every handle reaches its target.
-
-    `vertex_of` maps the index of each moving handle to its vertex. Return the columns, and groups of columns whose sum
-    of weights may be above 1 at some vertices.
+    `vertex_of` maps the index of each moving handle to its vertex.
     """
     samples, sizes = _samples(mesh)
     at_rest, points = filled_at_rest(columns, mesh).T, mesh.vertices
@@ -53,15 +48,14 @@ def shared(
     for k, i in enumerate(kept):
         carriers = tuple(order.index(kept[j]) for j in np.flatnonzero(nested[k]))
         result[i] = replace(parts[k], carriers=carriers, depth=int(depth[k]))
-    crowded: list[Crowd] = []
     for each in np.unique(depth):
         group = [kept[k] for k in np.flatnonzero(depth == each)]
         count = np.zeros(len(points), np.int32)
         for i in group:
             count[result[i].support] += 1
         if len(vertices := np.flatnonzero(count > 1)):
-            crowded.append((tuple(order.index(i) for i in group), vertices))
-    return tuple(result[i] for i in order), tuple(crowded)
+            result[group[0]] = replace(result[group[0]], crowd=([order.index(i) for i in group], vertices))
+    return tuple(result[i] for i in order)
 
 
 def _samples(mesh: Mesh) -> tuple[Int64, Float64]:
@@ -70,9 +64,9 @@ def _samples(mesh: Mesh) -> tuple[Int64, Float64]:
     return nodes.members[nodes.starts].astype(np.int64), (nodes.ends - nodes.starts).astype(np.float64)
 
 
-def limited(crowded: Sequence[Crowd], weights: Float32) -> Float32:
-    """Lower `weights` (V, C) in place where the sum of a crowded group exceeds 1, and return them."""
-    for group, vertices in crowded:
+def limited(columns: Sequence[Column], weights: Float32) -> Float32:
+    """Lower the `weights` (V, C) of `columns` in place where the sum of a crowded group exceeds 1, and return them."""
+    for group, vertices in (column.crowd for column in columns if column.crowd is not None):
         among = np.ix_(vertices, np.array(group))
         some = weights[among]
         weights[among] = some / np.maximum(some.sum(axis=1, keepdims=True), np.float32(1.0))
@@ -95,7 +89,25 @@ def taken_over(edit: Edit, handle: Handle, vertex: int, own: Column, before: Seq
     source = edit.handles[found.handle]
     if source.transform.bends:
         return handle.transform
-    return found.counterpart.motion(source.transform, source.place.position)
+    return _motion_at(found.counterpart, source.transform, source.place.position)
+
+
+def _motion_at(counterpart: Counterpart, motion: Transform, position: Sequence[float]) -> Transform:
+    """Return the motion of a counterpart, without bend and twist, for that of a handle at `position` (3,)."""
+    frame = counterpart.frame
+    if not motion.turns:
+        return Transform().changed(translation=frame @ motion.translation)
+    pivot = np.asarray(position if motion.pivot is None else motion.pivot) - position
+    axes = None if motion.axes is None else np.asarray(motion.axes)
+    if axes is None and len(set(motion.scale)) > 1:
+        axes = np.eye(3)
+    return Transform().changed(
+        translation=frame @ motion.translation,
+        rotation=np.linalg.det(frame) * frame @ motion.rotation,  # rotation vectors are pseudovectors
+        scale=motion.scale,
+        pivot=counterpart.position + frame @ pivot,
+        axes=None if axes is None else axes @ frame.T,
+    )
 
 
 def supports(weights: Float32) -> Bool:
