@@ -47,7 +47,7 @@ are fixed points or control points of the other methods. The shape is blue befor
 **handle error**: distance of the handle from its target, in % of the diagonal. **agreement**: percentage of pairs of
 marked places in which the place that looks like the handle's moves more. **unrelated places move**: motion of the other
 marked places, and **fixed points move**: motion of the other methods' fixed points, in % of the handle's motion.
-**gap**: largest gap that opens between touching components, in % of the largest motion. **asymmetry**: 0 if both sides
+**gap**: largest gap that opens between touching components or along cuts, in % of the largest motion. **asymmetry**: 0 if both sides
 move as mirror images, 100 if only one side moves. **area**, **angle**, **edge**: mean changes over the surface.
 **volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number of faces that fold over.
 **size**: diagonal of the result divided by that of the shape. **biharmonic** uses tetrahedra in a copy of the shape,
