@@ -197,7 +197,9 @@ def test_a_leg_that_drops_off_opens_a_gap():
 
 def test_a_cut_that_opens_is_a_gap():
     places = np.array([(0, 0, 0), (0, 2, 0), (0, 1, 0), (-1, 1, 0), (1, 1, 0)], float)
-    mesh = dfd.Mesh(places, [(3, 0, 1), (4, 2, 0), (4, 1, 2)])  # vertex 2 lies on the edge from 0 to 1, without using it
+    mesh = dfd.Mesh(
+        places, [(3, 0, 1), (4, 2, 0), (4, 1, 2)]
+    )  # vertex 2 lies on the edge from 0 to 1, without using it
     assert contact_gap(mesh, places * (1, 2, 3) + 1) == pytest.approx(0, abs=1e-6)
     assert contact_gap(mesh, places + (np.arange(5) == 2)[:, None] * (0.5, 0, 0)) == pytest.approx(100)
 
