@@ -44,14 +44,8 @@ BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # RGB colors 
 LEGEND = """\
 In pictures of the shape at rest, the dot is the handle. In the other pictures, the dot is the handle's target. Squares
 are fixed points or control points of the other methods. The shape is blue before the deformation and green after it.
-**handle error**: distance of the handle from its target, in % of the diagonal. **agreement**: percentage of pairs of
-marked places in which the place that looks like the handle's moves more. **unrelated places move**: motion of the other
-marked places, and **fixed points move**: motion of the other methods' fixed points, in % of the handle's motion.
-**gap**: largest gap that opens between touching components, in % of the largest motion. **asymmetry**: 0 if both sides
-move as mirror images, 100 if only one side moves. **area**, **angle**, **edge**: mean changes over the surface.
-**volume**: change of the enclosed volume; empty for open surfaces. **flipped faces**: number of faces that fold over.
-**size**: diagonal of the result divided by that of the shape. **biharmonic** uses tetrahedra in a copy of the shape,
-simplified to 6,000 faces. Networks of APAP and DeepMetaHandles are not available."""
+docs/reference/your_method.md explains the columns. **biharmonic** uses tetrahedra in a copy of the shape, simplified to
+6,000 faces. Networks of APAP and DeepMetaHandles are not available."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +73,6 @@ class Case:
 def pulls(context: Context, most: tuple[int, int], shapes: Mapping[str, BoxHandle] | None = None) -> Iterator[Case]:
     """Yield a case for each available mesh of `shapes`, or of all pulls: the translation of one handle."""
     return (case_of(shape.refined(), pull) for shape, pull in context.cases(shapes or CASES["pulls"], most))
-
-
-def connected(context: Context, most: tuple[int, int]) -> Iterator[Case]:
-    """Yield the cases of `pulls` for shapes of one component."""
-    return pulls(context, most, CONNECTED)
 
 
 def case_of(shape: Shape, pull: BoxHandle) -> Case:
@@ -249,7 +238,7 @@ def medians(rows: Sequence[Row]) -> str:
 
 
 def measured(case: Case, moved: Float64) -> dict[str, Any]:
-    """Return the columns that `LEGEND` explains, for `moved` vertices (V, 3), and a note if the result is too large."""
+    """Return the columns of a row for `moved` vertices (V, 3), and a note if the result is too large."""
     mesh, handle = case.shape.mesh, case.held[case.handle]
     length = float(np.linalg.norm(case.handle_target - mesh.vertices[handle]))
     follows = np.linalg.norm(moved - mesh.vertices, axis=1) / length
@@ -279,8 +268,7 @@ JOBS = {
         "Deformation by fifty control points, as in DeepMetaHandles; DFD uses only the one that moves farthest.",
         stretched,
         (1, 3),
-        {"": (same, 0.0)},
-        DENSE_TEXT,
+        text=DENSE_TEXT,
     ),
     "fig14": Comparison(
         "Translation of one handle by DFD and by other methods, which also constrain vertices near their handles.",
@@ -293,19 +281,17 @@ JOBS = {
         (2, 10),
         {WITH_BALL: (same, BALL), WITHOUT_BALL: (same, 0.0)},
     ),
-    "fig16": Comparison("The deformations of fig9, on more shapes.", stretched, (2, 12), {"": (same, 0.0)}, DENSE_TEXT),
+    "fig16": Comparison("The deformations of fig9, on more shapes.", stretched, (2, 12), text=DENSE_TEXT),
     "fig21": Comparison(
         "DFD with the fifty control points of fig9 as handles.",
         stretched,
         (1, 6),
-        {"": (same, 0.0)},
-        f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum, even "
-        "if no handle moves.",
+        text=f"{DENSE_TEXT} If the weights of a vertex sum to more than 1, Eq. 1 multiplies its position by the sum.",
         all_handles=True,
     ),
     "fig22": Comparison(
         "Distortion of the surface by every method: change of area, angles, edges and volume, as in Implicit-ARAP.",
-        connected,
+        lambda context, most: pulls(context, most, CONNECTED),
         (6, 8),
         {FEW: (same, BALL), MANY: (held_by_many, BALL)},
     ),

@@ -8,7 +8,7 @@ import numpy as np
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import Page, Row, following, gallery
+from bench.paper.page import HALF, Page, Row, following, gallery
 from bench.paper.subjects import CASES, MIRRORED, Context, Subject, pulls_of
 from dfd.editing.presets import PRESETS as DEFAULTS
 
@@ -17,7 +17,6 @@ LOCALITIES = (0, 2, 8, 32)
 
 SYMMETRY = pulls_of("scorpion", "human_neutral", "koala", "spot", "quadruped")
 POSED = pulls_of("posed robot", "scorpion", "human_neutral", "koala", "spot")
-HALF = 0.5  # A vertex counts in Fig. 3 if its weight is above this.
 
 
 def fig1(context: Context) -> Page:
@@ -45,7 +44,7 @@ def fig3(context: Context) -> Page:
     return gallery(
         context.subjects(CASES["pulls"], (4, 10), refined=True),
         lambda subject: {"edit": subject.pull()},
-        lambda _, session, __: {"follows %": following(session, HALF)},
+        lambda _, session, __: {"follows %": following(session)},
         f"follows: percentage of the surface area with a weight above {HALF}.",
     )
 
@@ -70,10 +69,9 @@ def fig5(context: Context) -> Page:
         return {"weights": subject.shape.mesh.vertices @ plane.normal > plane.offset} if plane else {}
 
     text = (
-        "The posed robot is no mirror image of itself: one of its arms is raised. "
-        "Score: mean distance between the features of vertices and of their mirror images. The paper accepts coordinate"
-        f" planes with a score below ε = {DEFAULTS['paper'].threshold:g}; dfd's default also tries other planes. If no "
-        "plane is accepted, the score is that of the best coordinate plane. The first picture colors the two sides."
+        "One arm of the posed robot is raised. Score: mean distance between the features of vertices and of their "
+        f"mirror images. The paper accepts coordinate planes with a score below ε = {DEFAULTS['paper'].threshold:g}. "
+        "If no plane is accepted, the score is that of the best coordinate plane. The first picture colors the sides."
     )
     return gallery(
         subjects(),

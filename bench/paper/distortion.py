@@ -15,6 +15,7 @@ from dfd.mesh.mesh import Mesh
 FOLD = -0.5  # A face is folded if the cosines between its normal and its neighbors' normals sum to less than this.
 
 CONTACT = 0.005  # Components touch where a surface sample of one is nearer to the other; a fraction of the diagonal.
+CUT = 0.001  # A vertex on a boundary edge is on a cut if another such edge is nearer to it; a fraction of the diagonal.
 SAMPLES = 20_000  # number of surface samples for contacts
 SYMMETRIC = 0.01  # largest mean distance of mirror images from the vertices at rest; a fraction of the diagonal
 
@@ -53,15 +54,16 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> dict[str, float | None]:
 
 
 def contact_gap(mesh: Mesh, vertices: NDArray[np.floating]) -> float | None:
-    """Return the largest gap that opens where components of `mesh` touch, if its vertices move to `vertices` (V, 3).
+    """Return the largest gap that opens where surface of `mesh` touches, if its vertices move to `vertices` (V, 3).
 
-    A gap is the distance between the displacements of two touching points, in % of the largest displacement of a
-    vertex. None: no components touch.
+    Points of two components can touch, and points on both sides of a cut in one component. A gap is the distance
+    between the displacements of two touching points, in % of the largest displacement of a vertex. None: nothing
+    touches.
     """
     faces = first_at_place(mesh)[mesh.faces].astype(np.int64)
     corners, shares = even_points(mesh.vertices, faces.astype(np.int32), SAMPLES)
     points, moves = np.einsum("nk,nkd->nd", shares, mesh.vertices[corners]), vertices - mesh.vertices
-    of_face, gaps = face_components(faces.astype(np.int32)), []
+    of_face, gaps = face_components(faces.astype(np.int32)), _cut_gaps(mesh, faces, moves)
     of_vertex = np.full(len(mesh.vertices), -1)
     of_vertex[faces] = of_face[:, None]
     for component in np.unique(of_face) if of_face.max(initial=0) else ():
@@ -74,6 +76,22 @@ def contact_gap(mesh: Mesh, vertices: NDArray[np.floating]) -> float | None:
         gaps.append(np.linalg.norm(here - np.einsum("nk,nkd->nd", at, moves[there]), axis=1).max(initial=-1.0))
     largest = max(gaps, default=-1.0)
     return None if largest < 0 else 100 * float(largest / max(np.linalg.norm(moves, axis=1).max(), 1e-300))
+
+
+def _cut_gaps(mesh: Mesh, faces: Int64, moves: Float64) -> list[float]:
+    """Return the distance, in mesh units, by which each vertex on a cut moves apart from the other side of the cut."""
+    edges, edge = distinct_pairs(face_sides(faces), len(mesh.vertices))
+    gaps, edges = [], edges[np.bincount(edge) == 1]
+    start, along = mesh.vertices[edges[:, 0]], np.diff(mesh.vertices[edges], axis=1)[:, 0]
+    for vertex in np.unique(edges):
+        from_start = mesh.vertices[vertex] - start
+        share = ((from_start * along).sum(axis=1) / np.square(along).sum(axis=1)).clip(0, 1)
+        apart = np.linalg.norm(from_start - share[:, None] * along, axis=1)
+        apart[(edges == vertex).any(axis=1)] = np.inf
+        if apart[nearest := int(apart.argmin())] < CUT * mesh.diagonal:
+            one, other = moves[edges[nearest]]
+            gaps.append(float(np.linalg.norm(moves[vertex] - one - share[nearest] * (other - one))))
+    return gaps
 
 
 def asymmetry(mesh: Mesh, vertices: NDArray[np.floating]) -> float | None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.paper.distortion import surface_metrics
-from bench.paper.page import Page, Pictures, Row, aim, following, gallery
+from bench.paper.page import HALF, Page, Pictures, Row, aim, following, gallery
 from bench.paper.subjects import CASES, NAMES, PRESETS, Context, Shape, Subject, agreement, pulls_of
 from bench.quality.measures import area_fractions
 from dfd.common.errors import one_line
@@ -52,10 +52,9 @@ CHAIRS: dict[str, tuple[str, ...]] = {  # parts of each chair that are selected,
     "kaykit_armchair": ("seat", "back", "arm"),
     "couch_small1": ("leg", "seat", "back", "arm"),
     "chair": ("leg", "seat", "back"),
-    "bench_1": ("leg", "seat", "back"),
+    "couch_l": ("seat", "back"),
 }
 DOWN = np.array([0.0, -0.12, 0.0])  # translation, as a fraction of the diagonal
-FOLLOWS = 0.5  # A vertex follows the handle if its weight is above this.
 
 
 def fig4(context: Context) -> Page:
@@ -80,8 +79,7 @@ def fig4(context: Context) -> Page:
         drawn.append((shape.name, row))
     text = (
         "Mean distance: mean distance between the features of both fields at a vertex of the reduced shape. Spread: "
-        "mean distance of the features of the shape's field from their mean. In the paper, rendering one picture of "
-        "the scan Lucy takes 5.7 min. Simplifying it to 1 % of its faces and rendering one picture takes 3.7 s."
+        "mean distance of the features of the shape's field from their mean."
     )
     return Page(text, drawn, rows)
 
@@ -123,10 +121,9 @@ def fig13(context: Context) -> Page:
         return {"roughness": roughness(mesh, each.weights[:, 0]), "mean difference": difference}
 
     text = (
-        f"The coarse copy has {COARSE} faces, which are larger than the details of the features. The fit to all its "
-        "pixels and the fit to its vertices take the same number of steps, each with the same number of samples. "
-        "Roughness is the mean of |∇W| for weights W on the fine mesh, in units of 1 / diagonal. Mean difference is "
-        "the mean of |W − W₀|, where W₀ are the weights by the field of the fine mesh (paper preset)."
+        f"The coarse copy has {COARSE} faces. The fits to its pixels and its vertices take equal numbers of steps and "
+        "samples. Roughness is the mean of |∇W| for weights W on the fine mesh, in units of 1 / diagonal. Mean "
+        "difference is the mean of |W − W₀|, where W₀ are the weights by the field of the fine mesh (paper preset)."
     )
     return gallery(context.subjects(PULLED, (1, 2), presets=("paper",)), variants, measure, text)
 
@@ -225,20 +222,19 @@ def fig19(context: Context, copies: Sequence[int] = (1000, 5000)) -> Page:
         return sessions
 
     def measure(subject: Subject, each: dfd.Deformer, first: dfd.Deformer) -> Row:
-        alike, area = (agreement(each.mesh, subject.case, each.following[:, 0]), following(each, FOLLOWS))
+        alike, area = (agreement(each.mesh, subject.case, each.following[:, 0]), following(each))
         if each is first:
             return {"agreement %": alike, "follows %": area}
         copy = any(each.mesh is mesh for mesh in retriangulated)
-        own = following(first, FOLLOWS)
+        own = following(first)
         areas = {"area, larger / smaller": max(area, own) / max(min(area, own), 1e-9)} if copy else {}
         return {"follows %": area, f"agreement of {'copies' if copy else 'other shapes'} %": alike, **areas}
 
     text = (
-        "For another tessellation, the field is evaluated at its vertices. Another shape of the class is first rotated "
-        "to face the same direction, and scaled into the bounding box of the distilled shape. Its handle is the vertex "
-        "with the feature most similar to the feature of the first handle. follows: percentage of the area with "
-        f"a weight above {FOLLOWS}. area: this percentage on the copy and on the first mesh, the larger divided by the "
-        "smaller."
+        "Another shape of the class is first rotated to face the same direction, and scaled into the bounding box of "
+        "the distilled shape. Its handle is the vertex with the feature most similar to that of the first handle. "
+        f"follows: percentage of the area with a weight above {HALF}. area: this percentage on the copy and on the "
+        "first mesh, the larger divided by the smaller."
     )
     return gallery(context.subjects(CASES["classes"], (1, 2)), variants, measure, text)
 
@@ -261,7 +257,7 @@ def fig20(context: Context) -> Page:
     def selected(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
         [handle] = each.handles
         case = CASES["parts"][handle.name]
-        return {"agreement %": agreement(each.mesh, case, each.following[:, 0]), "follows %": following(each, FOLLOWS)}
+        return {"agreement %": agreement(each.mesh, case, each.following[:, 0]), "follows %": following(each)}
 
     return gallery(
         context.subjects(CHAIRS, (3, 6), refined=True),
@@ -270,7 +266,7 @@ def fig20(context: Context) -> Page:
             for part in subject.case
         },
         selected,
-        f"follows: percentage of the surface area with a weight above {FOLLOWS}, for a handle on each part.",
+        f"follows: percentage of the surface area with a weight above {HALF}, for a handle on each part.",
         shown=["weights"],
         azimuth=35.0,
     )

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from bench.paper import controls, features, resolution
-from bench.paper.comparisons import FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL
+from bench.paper.comparisons import COMPARED, FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL
 from bench.paper.page import ALIKE, Claim, Figure, Page, Row, Rule
-from bench.paper.resolution import COUNTS, FORWARD, LUCY, PHASES, TIMED_PEERS, of_count
+from bench.paper.resolution import COUNTS, FORWARD, LUCY, PHASES, of_count
 from bench.paper.subjects import Context
 
 METRICS = ("area %", "angle °", "edge %", "volume %")
@@ -21,7 +21,6 @@ SHAPES = 6  # smallest number of shapes for a claim of Fig. 22
 BIHARMONIC_FAILS = 1e5  # number of faces above which the paper's biharmonic coordinates fail
 GROWS_LESS = 0.1  # a power of growth is lower than another if it is at least this much lower
 ORDERS = 100  # the paper says that DFD binds new handles several orders of magnitude faster
-NAN = float("nan")
 
 
 def values(rows: Sequence[Row], name: str, noted: bool = False, **where: Any) -> list[float]:
@@ -43,7 +42,7 @@ def column(name: str, reduce: Callable[[Any], Any] = np.mean, **where: Any) -> R
 
     def number(rows: Sequence[Row], own: str) -> float:
         found = values(rows, name, method=own, **where)
-        return float(reduce(found)) if found else NAN
+        return float(reduce(found)) if found else np.nan
 
     return number
 
@@ -53,14 +52,14 @@ def ratio(first: Rule, second: Rule, least: float = 0.0) -> Rule:
 
     def number(rows: Sequence[Row], own: str) -> float:
         divisor = second(rows, own)
-        return over(first(rows, own), divisor) if divisor >= least else NAN
+        return over(first(rows, own), divisor) if divisor >= least else np.nan
 
     return number
 
 
 def spread(found: Any) -> float:
     """Return the largest of the values `found`, divided by the smallest; NaN for a single value."""
-    return float(over(max(found), min(found))) if len(found) > 1 else NAN
+    return float(over(max(found), min(found))) if len(found) > 1 else np.nan
 
 
 def magnitude(found: Any) -> float:
@@ -82,7 +81,7 @@ def against(name: str, *peers: str, reduce: Callable[[Any], Any] = max, shapes: 
             both = [values([row for row in some if row["shape"] in common], name, method=each) for each in (own, peer)]
             if all(both) and len(common) >= shapes:
                 found.append(over(*map(magnitude, both)))
-        return float(reduce(found)) if len(found) == len(peers) else NAN
+        return float(reduce(found)) if len(found) == len(peers) else np.nan
 
     return number
 
@@ -91,7 +90,7 @@ def distorts_more(variant: str) -> Rule:
     """Return a rule: the least quotient of a measure of distortion by our method and another, over all of both."""
 
     def number(rows: Sequence[Row], own: str) -> float:
-        found = (against(each, *TIMED_PEERS, reduce=min, shapes=SHAPES, variant=variant) for each in METRICS)
+        found = (against(each, *COMPARED, reduce=min, shapes=SHAPES, variant=variant) for each in METRICS)
         return float(np.min([each(rows, own) for each in found]))
 
     return number
@@ -100,7 +99,7 @@ def distorts_more(variant: str) -> Rule:
 def growth(rows: Sequence[Row], method: str, phase: str, sizes: Sequence[int]) -> float:
     """Return the power of the number of faces with which the seconds of `phase` grow: a line fitted to logarithms."""
     found = [(n, t) for n in sizes for t in values(rows, phase, method=method, faces=n)]
-    return float(np.polyfit(*np.log(found).T, 1)[0]) if len({n for n, _ in found}) > 1 else NAN
+    return float(np.polyfit(*np.log(found).T, 1)[0]) if len({n for n, _ in found}) > 1 else np.nan
 
 
 def sizes_of(rows: Sequence[Row], method: str, phase: str) -> list[int]:
@@ -116,17 +115,17 @@ def power(rows: Sequence[Row], own: str) -> float:
 def steeper(rows: Sequence[Row], own: str) -> float:
     """Return the largest lead of our power of growth over another method's, on the sizes that this method reaches."""
     found = []
-    for phase, peer in product(PHASES, TIMED_PEERS):
+    for phase, peer in product(PHASES, COMPARED):
         sizes = sizes_of(rows, peer, phase)
         found.append(growth(rows, own, phase, sizes) - growth(rows, peer, phase, sizes))
-    return max((each for each in found if np.isfinite(each)), default=NAN)
+    return max((each for each in found if np.isfinite(each)), default=np.nan)
 
 
 def at_fewest_faces(rows: Sequence[Row], own: str) -> float:
     """Return our seconds of all phases divided by those of biharmonic coordinates, on the smallest meshes."""
     few = min((row["faces"] for row in rows), default=0)
     ours, others = (
-        sum(np.mean(values(rows, phase, method=method, faces=few) or [NAN]) for phase in PHASES)
+        sum(np.mean(values(rows, phase, method=method, faces=few) or [np.nan]) for phase in PHASES)
         for method in (own, "biharmonic")
     )
     return over(ours, others)
@@ -135,18 +134,18 @@ def at_fewest_faces(rows: Sequence[Row], own: str) -> float:
 def most_faces(rows: Sequence[Row], own: str) -> float:
     """Return the largest number of faces at which biharmonic coordinates gave a result; NaN if no mesh has > 10⁵."""
     tried = max((row["faces"] for row in rows if row["method"] == own), default=0)
-    return float(max(sizes_of(rows, "biharmonic", "bind s"), default=0)) if tried > 1.5 * BIHARMONIC_FAILS else NAN
+    return float(max(sizes_of(rows, "biharmonic", "bind s"), default=0)) if tried > 1.5 * BIHARMONIC_FAILS else np.nan
 
 
 def at_lucy(rows: Sequence[Row], own: str) -> float:
     """Return the largest "R + T s" on meshes of the size of the scan Lucy; NaN without such a mesh."""
     found = [s for r in rows for s in values([r], "R + T s", method=own) if r["faces"] > 0.9 * LUCY]
-    return max(found, default=NAN)
+    return max(found, default=np.nan)
 
 
 def of_encoders(rule: Rule) -> Rule:
     """Return `rule`, or NaN if all features come from blocks of one encoder."""
-    return lambda rows, own: rule(rows, own) if len({row.get("encoder") for row in rows}) > 1 else NAN
+    return lambda rows, own: rule(rows, own) if len({row.get("encoder") for row in rows}) > 1 else np.nan
 
 
 def speedup(rows: Sequence[Row], own: str) -> float:
@@ -154,15 +153,15 @@ def speedup(rows: Sequence[Row], own: str) -> float:
     most, found = max((row["nodes"] for row in rows if row.get("nodes")), default=0), []
     for name in map(of_count, COUNTS):
         both = ("OptCtrlPoints", {}), (own, {"variant": FORWARD})
-        theirs, ours = (np.median(values(rows, name, method=m, nodes=most, **w) or [NAN]) for m, w in both)
+        theirs, ours = (np.median(values(rows, name, method=m, nodes=most, **w) or [np.nan]) for m, w in both)
         found.append(theirs / ours)
     return float(np.min(found))
 
 
 def least_ticks(rows: Sequence[Row], own: str) -> float:
     """Return the least share of ticks as in the paper, over our method and the others."""
-    found = (values(rows, "as in the paper, %", method=method) for method in (own, *TIMED_PEERS))
-    return min((each for some in found for each in some), default=NAN)
+    found = (values(rows, "as in the paper, %", method=method) for method in (own, *COMPARED))
+    return min((each for some in found for each in some), default=np.nan)
 
 
 ENCODER = "at the same place of a picture, our encoder gives different features to left and right"
@@ -206,21 +205,14 @@ SMOOTH = [
 FIGURES: dict[str, Figure] = {
     "fig1": figure(
         controls.fig1,
-        high(
-            "a plane of symmetry for every shape", "shapes with a plane, %", column("plane found %"), 100, marked=False
-        ),
+        high("a plane for every shape", "shapes with a plane, %", column("plane found %"), 100, marked=False),
         cause=ENCODER,
     ),
     "fig2": figure(controls.fig2, low("plausible pictures", "flipped faces, %", column("flipped %"), 1)),
     "fig3": figure(controls.fig3, high("edits propagate to related parts", RIGHT_PAIRS, column("agreement %"), ALIKE)),
     "fig4": figure(
         features.fig4,
-        low(
-            "virtually identical fields",
-            "distance of both fields / spread of the features",
-            ratio(column("mean distance"), column("spread")),
-            0.5,
-        ),
+        low("virtually identical fields", "difference / spread", ratio(column("mean distance"), column("spread")), 0.5),
     ),
     "fig5": figure(
         controls.fig5, low("score below 0.1", "largest score", column("score", max), 0.1, marked=False), cause=ENCODER
@@ -244,13 +236,7 @@ FIGURES: dict[str, Figure] = {
         ),
     ),
     "fig8": figure(
-        JOBS["fig8"],
-        low(
-            "unrelated parts stay without fixed points",
-            "motion of others' fixed points, % of the handle's",
-            column("fixed points move %"),
-            25,
-        ),
+        JOBS["fig8"], low("unrelated parts stay", "motion of fixed points, %", column("fixed points move %"), 25)
     ),
     "fig9": figure(JOBS["fig9"], *SMOOTH, cause=STRETCHES),
     "fig10": figure(
@@ -263,8 +249,7 @@ FIGURES: dict[str, Figure] = {
         cause=f"distillation takes a fixed time, and binding includes the forward pass at every vertex; {HARDWARE}",
     ),
     "fig11": figure(
-        features.fig11,
-        low("similar edits", "largest / smallest angle change", of_encoders(column("angle °", spread)), 2),
+        features.fig11, low("similar edits", "largest / least angle", of_encoders(column("angle °", spread)), 2)
     ),
     "fig12": figure(
         features.fig12,
@@ -281,11 +266,11 @@ FIGURES: dict[str, Figure] = {
     ),
     "fig14": figure(
         JOBS["fig14"],
-        low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *TIMED_PEERS), 1),
+        low("symmetry-aware; others are not", "asymmetry, DFD / least", against("asymmetry %", *COMPARED), 1),
         low(
             "others move the shape as a whole",
-            "motion of unrelated places, DFD / least",
-            against("unrelated places move %", *TIMED_PEERS),
+            "motion elsewhere, DFD / least",
+            against("unrelated places move %", *COMPARED),
             1,
         ),
     ),
@@ -323,9 +308,7 @@ FIGURES: dict[str, Figure] = {
         ),
         cause="few fixed points hold the shape loosely, so the other method shears it as a whole",
     ),
-    "table1": figure(
-        resolution.table1, high("every tick of Table 1", "least share of ticks as in the paper, %", least_ticks, 100)
-    ),
+    "table1": figure(resolution.table1, high("every tick of Table 1", "least share of ticks, %", least_ticks, 100)),
     "table3": figure(
         resolution.table3,
         high("641 to 1,150 times as fast", "least of 3 quotients of seconds, OptCtrlPoints / DFD", speedup, ORDERS),

@@ -19,6 +19,7 @@ from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
 
 RESOLUTION = 320
+HALF = 0.5  # smallest weight of vertices that count as following a handle
 # Smallest "agreement %" with which a claim can hold. Of 900 sets of smooth random features on a table, 0.4 % reach it
 # (`tests/python/bench/test_claims.py`).
 ALIKE = 80.0
@@ -85,9 +86,9 @@ def gallery(
     return Page(text, drawn, rows)
 
 
-def following(session: dfd.Deformer, least: float) -> float:
-    """Return the percentage of the surface area that follows the first handle with a weight above `least`."""
-    return 100 * float(area_fractions(session.mesh)[session.following[:, 0] > least].sum())
+def following(session: dfd.Deformer) -> float:
+    """Return the percentage of the surface area that follows the first handle with a weight above `HALF`."""
+    return 100 * float(area_fractions(session.mesh)[session.following[:, 0] > HALF].sum())
 
 
 @dataclass(frozen=True)

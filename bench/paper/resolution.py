@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 import dfd
-from bench.paper.comparisons import BALL, PRESET_OF, Case, case_of, deform, farthest, measured, pulled
+from bench.paper.comparisons import BALL, COMPARED, PRESET_OF, Case, case_of, deform, farthest, measured, pulled
 from bench.paper.distortion import contact_gap
 from bench.paper.features import distilled, resampled
 from bench.paper.page import ALIKE, Page, Pictures, Row, aim, gallery
@@ -26,7 +26,6 @@ PHASES = ("preprocess s", "bind s", "pose s")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped"))
 FACES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 PATIENCE = (40.0, 600.0)  # seconds, in a quick and a full run: limit for tetrahedra, and again for the other steps
-TIMED_PEERS = ("ARAP", "biharmonic", "NeuralMLS")  # peers in the paper's plot
 PEER_HANDLES = 10  # handles when a peer is timed; some peers need several
 
 BROKEN = pulls_of("chair_nonmanifold", "truck_defects", "plane_holes", "kaykit_chair_A", "robot")
@@ -55,7 +54,7 @@ def fig10(context: Context) -> Page:
     """Time that every method needs to preprocess, bind and pose meshes of increasing size."""
     rows: list[Row] = []
     for given, _ in context.cases(TIMED, (1, 3)):
-        able = list(TIMED_PEERS)
+        able = list(COMPARED)
         for count in FACES[:3] if context.quick else FACES:
             shape = resampled(given, count)
             start = {"shape": shape.name, "faces": len(shape.mesh.faces)}
@@ -74,8 +73,7 @@ def fig10(context: Context) -> Page:
         "tetrahedra, and the energy matrix is computed. Bind: DFD evaluates the field and computes the weights of one "
         f"handle. The other methods factor a matrix or train a network, for {PEER_HANDLES} handles. Rebind: DFD "
         "computes the weights of another handle. Seconds of DFD are medians. Other methods run once, with a limit of "
-        f"{context.quick_or_full(PATIENCE):g} s for tetrahedra, and the same for all other steps. The paper's plot has "
-        "no numbers. APAP is not available."
+        f"{context.quick_or_full(PATIENCE):g} s for tetrahedra, and the same for all other steps."
     )
     return Page(text, rows=rows)
 
@@ -108,7 +106,7 @@ def fig17(context: Context) -> Page:
     """Shapes with holes, loose components and non-manifold edges, and a translation of one handle."""
 
     def torn(subject: Subject, each: dfd.Deformer, _: dfd.Deformer) -> Row:
-        counts = inspect(subject.shape.mesh)
+        counts = inspect(context.shape(subject.shape.name).mesh)
         return {
             "boundary edges": counts.boundary_edges,
             "components": counts.components,
@@ -117,10 +115,12 @@ def fig17(context: Context) -> Page:
         }
 
     text = (
-        "gap: largest gap that opens between touching components, in % of the largest motion. The paper's shape has "
-        "3,804 boundary edges, 70 components and 12 non-manifold edges."
+        "gap: largest gap that opens between touching components or along cuts, in % of the largest motion. Long edges "
+        "are halved, because a gap also opens where a long edge touches short ones. The counts are those of the file. "
+        "The paper's shape has 3,804 boundary edges, 70 components and 12 non-manifold edges."
     )
-    return gallery(context.subjects(BROKEN, (2, 4)), lambda subject: {"pull": subject.pull()}, torn, text)
+    subjects = context.subjects(BROKEN, (2, 4), refined=True)
+    return gallery(subjects, lambda subject: {"pull": subject.pull()}, torn, text)
 
 
 def fig18(context: Context) -> Page:
@@ -147,8 +147,7 @@ def fig18(context: Context) -> Page:
     text = (
         "NM: non-manifold. R: seconds to simplify and render. T: seconds of the rest of the distillation. I: seconds "
         "for the features of all vertices, the weights of one handle (Eq. 5), and the posed shape. Each mesh is "
-        f"simplified or subdivided. A full run reaches {LUCY:,} faces, the size of the paper's scan Lucy, with the "
-        "paper's pictures."
+        f"simplified or subdivided. A full run reaches {LUCY:,} faces, the size of the paper's scan Lucy."
     )
     return Page(text, drawn, rows)
 
@@ -254,9 +253,9 @@ def table3(context: Context) -> Page:
         rows.append({"shape": "paper", "method": name, **dict(zip(map(of_count, COUNTS), seconds, strict=True))})
     text = (
         f"Seconds are medians, and spread is the interquartile range divided by the median, over {repeats} random sets "
-        "of handles. Both methods bind the same nodes of fTetWild's tetrahedra. Their edge length, a fraction of the "
-        "diagonal, decreases until OptCtrlPoints fails, which gives a series of sizes. The seconds of OptCtrlPoints do "
-        "not include the factorization. The paper used an NVIDIA A40, and does not state the number of nodes."
+        "of handles. Both methods bind the same nodes of fTetWild's tetrahedra. Their edges, in fractions of the "
+        "diagonal, become shorter until OptCtrlPoints fails. The seconds of OptCtrlPoints do not include the "
+        "factorization. The paper used an NVIDIA A40, and does not state the number of nodes."
     )
     return Page(text, rows=rows)
 

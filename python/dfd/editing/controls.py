@@ -47,8 +47,8 @@ class Controls(Brief):
     falloff: Annotated[
         Falloff,
         About(
-            "Curve by which the weight falls from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, "
-            "sharp, root, sphere or constant.",
+            "Curve of the weight from 1 at the handle to 0 at a numeric reach: linear (Eq. 5), smooth, sharp, root, "
+            "sphere or constant.",
             metavar="CURVE",
         ),
     ] = DEFAULTS.falloff
@@ -81,8 +81,8 @@ class Controls(Brief):
     level: Annotated[
         int,
         About(
-            'Size of the part that the reach "part" moves, as a number of steps: 0 for the most likely part, −1, −2, … '
-            "for smaller parts, 1, 2, … for larger parts.",
+            "Size of the part at the handle: 0 for the most likely part, −1 for the next smaller one, 1 for the next "
+            "larger one, and so on.",
             metavar="N",
         ),
     ] = 0
@@ -112,8 +112,8 @@ class Controls(Brief):
     detach: Annotated[
         bool,
         About(
-            'Whether the part that the reach "part" moves comes loose from pieces of the mesh that it touches, and '
-            "leaves behind small pieces that touch only the part.",
+            "Whether contacts of the part with other pieces of the mesh open, instead of stretching. Small pieces that "
+            "touch only the part then stay in place.",
             affects="pose",
         ),
     ] = False

@@ -195,6 +195,15 @@ def test_a_leg_that_drops_off_opens_a_gap():
     assert contact_gap(dfd.Mesh(seat.vertices, seat.faces), seat.vertices + 1) is None
 
 
+def test_a_cut_that_opens_is_a_gap():
+    places = np.array([(0, 0, 0), (0, 2, 0), (0, 1, 0), (-1, 1, 0), (1, 1, 0)], float)
+    mesh = dfd.Mesh(
+        places, [(3, 0, 1), (4, 2, 0), (4, 1, 2)]
+    )  # vertex 2 lies on the edge from 0 to 1, without using it
+    assert contact_gap(mesh, places * (1, 2, 3) + 1) == pytest.approx(0, abs=1e-6)
+    assert contact_gap(mesh, places + (np.arange(5) == 2)[:, None] * (0.5, 0, 0)) == pytest.approx(100)
+
+
 def test_asymmetry_is_that_of_the_motion(ball):
     right = ball.vertices[:, 0] > 0.1
     apart = np.array([1.0, 0.7, 0.5])  # three different sides
