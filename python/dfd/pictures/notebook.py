@@ -15,21 +15,23 @@ from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
 
-
 DOT = 0.012  # radius of the dots of a field, as a fraction of the diagonal
 
 
 def show(shape: MeshLike | Deformer | Field, **options: Any) -> Image.Image:
     """Return a picture of a mesh, or of the posed shape of a `Deformer` with dots at the posed handles.
 
-    Of a field, it shows surface samples in the colors of their features. A mesh can be any source that `dfd.load` accepts. `options` are those of `dfd.pictures.picture.picture`. By default,
-    the camera faces the handles of a `Deformer`. Raises ValueError as `picture` does, and for a field without samples.
+    Of a field, it shows surface samples in the colors of their features. A mesh can be any source that `dfd.load`
+    accepts. `options` are those of `dfd.pictures.picture.picture`. By default, the camera faces the handles of a
+    `Deformer`. Raises ValueError as `picture` does, or if a field has no surface samples.
     """
     if isinstance(shape, Field):
         points = shape.samples
         if points is None:
             raise ValueError("show: `shape` must be a field with samples of its surface: show its mesh")
-        return Image.fromarray(picture(_dots(points), colors=np.repeat(feature_colors(shape(points)), 6, axis=0), **options))
+        return Image.fromarray(
+            picture(_dots(points), colors=np.repeat(feature_colors(shape(points)), 6, axis=0), **options)
+        )
     if not isinstance(shape, Deformer):
         return Image.fromarray(picture(as_mesh(shape), **options))
     return Image.fromarray(picture(shape.mesh, **{**session_views(shape)["after"], **options}))
