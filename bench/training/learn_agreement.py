@@ -2,7 +2,7 @@
 
 A handle moves the subtrees of some joints of its rig. A transferred handle is right (correct) if it moves those of the
 same joints of the other rig. Both IoUs must be at least 0.6. `python -m bench.training.learn_agreement FOLDER…` prints
-the constants of `dfd.batch.agreement`. To test them, it predicts each family by constants from the other families.
+the constants of `dfd.editing.agreement`. To test them, it predicts each family by constants from the other families.
 """
 
 import argparse
@@ -16,8 +16,8 @@ import dfd
 from bench.quality.anatomy import RiggedShape, rigged_shapes
 from bench.quality.measures import soft_iou
 from bench.quality.parts import family_of
-from dfd.batch.agreement import MOVED, differences
 from dfd.common.linear_algebra import Bool, Float64
+from dfd.editing.agreement import MOVED, differences
 from dfd.editing.edit import Edit
 from dfd.editing.transfer import transfer
 
@@ -43,10 +43,12 @@ def transferred(shapes: list[tuple[RiggedShape, dfd.Deformer]]) -> Iterator[tupl
             for index in generator.permutation(len(others))[:TARGETS] if overlap >= RIGHT else ():
                 other, target = others[index]
                 if set(joints) <= set(other.joints):
-                    target.apply(transfer(session.edit, session.mesh, session.field, target.mesh, target.field).edit)
+                    parts = session.bound.parts, target.bound.parts
+                    found = transfer(session.edit, session.mesh, session.field, target.mesh, target.field, parts=parts)
+                    target.apply(found.edit)
                     wanted = np.any([other.subtree(other.joints.index(joint)) for joint in joints], axis=0)
-                    found = soft_iou(other.areas, target.following[:, 0] >= MOVED, wanted)
-                    yield family, differences(session, target)[0], found >= RIGHT
+                    shared = soft_iou(other.areas, target.following[:, 0] >= MOVED, wanted)
+                    yield family, differences(session, target)[0], shared >= RIGHT
 
 
 def fitted(rows: Float64, right: Bool, weight: Float64) -> Float64:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import importlib as _importlib
 import typing as _typing
 
+from dfd.common.shown import Shown as _Shown
 from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.posing.pose import Drag, pose
 from dfd.weights.bind import bind
@@ -107,9 +108,13 @@ def __getattr__(name: str) -> _typing.Any:
         value = getattr(_importlib.import_module(_LAZY[name]), name)
         if name == "Deformer":  # `dfd.editing` must not import the app, so the function is set here
             value.page = lambda session, **how: _importlib.import_module("dfd.app").show(session, **how)
+            value._repr_png_ = _Shown._repr_png_
         globals()[name] = value
         return value
     raise AttributeError(f"module 'dfd' has no attribute {name!r}")
+
+
+_Shown.draw = lambda shape: __getattr__("show")(shape)._repr_png_()
 
 
 def __dir__() -> list[str]:

@@ -11,9 +11,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from dfd.batch.agreement import agreements, reason
 from dfd.common import check
 from dfd.common.files import sha256_of_files
+from dfd.editing.agreement import agreements, reason
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit, read_made_on
@@ -69,7 +69,7 @@ class Carried:
 
     deformer: Deformer  # a session of the other shape with the edit
     # Confidence of each handle and fixed point, 0 to 1, by name. For a handle, it is at most the probability that the
-    # handle moves the same part (`dfd.batch.agreement`). A fixed point's confidence grows with the features' cosine.
+    # handle moves the same part (`dfd.editing.agreement`). A fixed point's confidence grows with the features' cosine.
     confidence: dict[str, float]
     unsure: tuple[str, ...] = ()  # with `force`, names whose confidence is below the threshold
 
@@ -101,7 +101,8 @@ def carry(
     if mesh.content_hash == original.mesh.content_hash:
         deformer.apply(edit)
     else:
-        found = transfer(edit, original.mesh, original.field, mesh, field)
+        parts = original.session.bound.parts, deformer.bound.parts
+        found = transfer(edit, original.mesh, original.field, mesh, field, parts=parts)
         deformer.apply(found.edit)
         looks = [*(found.similarity[handle.id] for handle in edit.handles), *found.fixed_similarity]
         sure = [min(CONFIDENT * each / similar, 1.0) for each in looks]

@@ -159,7 +159,7 @@ def field(function: str, value: Any) -> Any:
 
 
 def vertex_indices(
-    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False, wrap: bool = False
+    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False, wrap: bool = True
 ) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 

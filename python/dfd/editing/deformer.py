@@ -338,8 +338,9 @@ class Deformer(History):
         `field` is the feature field of `mesh`.
 
         A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
-        similar position. Lengths are scaled with the bounding box. `similarity` of the new session has the similarity
-        of each place. `features` are those of `Deformer`.
+        similar position. A handle with a part moves to the similar place, and gets the level, at which the part is most
+        like the first one in size and place. Lengths are scaled with the bounding box. `similarity` of the new session
+        has the similarity of each place. `features` are those of `Deformer`.
 
         Raises ValueError if the fields have different encoders or dimensions, two handles move to the same vertex, or
         a region contains no vertex of `mesh`.
@@ -355,7 +356,8 @@ class Deformer(History):
         True
         """
         other = Deformer(mesh, field, preset=self.preset, features=features)
-        found = transfer(self.edit, self.mesh, self.field, other.mesh, other.field)
+        parts = self.bound.parts, other.bound.parts
+        found = transfer(self.edit, self.mesh, self.field, other.mesh, other.field, parts=parts)
         other._start(found.edit)
         other._similarity = found.similarity
         return other

@@ -102,7 +102,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
     if np.ndim(at) == 0:
         if isinstance(at, bool) or not isinstance(at, int | np.integer):
             raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, got {at!r}")
-        vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices), wrap=True)[0])
+        vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices))[0])
         return Place(vector("at", mesh.vertices[vertex]), vertex)
     point = vector("at", at)
     try:
@@ -140,7 +140,7 @@ def find(mesh: Mesh, text: str) -> Found:
             vertex, distance = nearest_vertex(mesh, vector("at", [float(number) for number in said.split(",")]))
             note = f"{said} is vertex {vertex}, {distance:.3g} away"
         else:
-            vertex = int(check.vertex_indices("place", "at", [int(said)], len(mesh.vertices))[0])
+            vertex = int(check.vertex_indices("place", "at", [int(said)], len(mesh.vertices), wrap=False)[0])
             note = f"vertex {vertex}"
     except ArgumentError:
         raise

@@ -148,7 +148,9 @@ class VertexSet(ReadOnlyArrays):
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
-        chosen = check.vertex_indices("VertexSet", "indices", self.indices, np.iinfo(np.int32).max, unique=True)
+        chosen = check.vertex_indices(
+            "VertexSet", "indices", self.indices, np.iinfo(np.int32).max, unique=True, wrap=False
+        )
         if len(chosen) == 0:
             raise ArgumentError("indices", "must name at least one vertex", "VertexSet")
         placed = check.array("VertexSet", "positions", self.positions, (len(chosen), 3), dtype=np.float64)
@@ -164,7 +166,7 @@ class VertexSet(ReadOnlyArrays):
         values = np.asarray(chosen)
         if values.dtype == bool:
             values = np.flatnonzero(check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool))
-        indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices), wrap=True))
+        indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
         return cls(indices, mesh.vertices[indices], len(mesh.vertices))
 
     @cached_property

@@ -11,6 +11,7 @@ from dfd.common.described import about
 from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.common.read_only import ReadOnlyArrays
+from dfd.editing.agreement import between, log_odds
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.key_pose import KeyPose
@@ -18,15 +19,23 @@ from dfd.editing.points import Place, place_on
 from dfd.editing.regions import HalfSpace, Region, VertexSet
 from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.field.field import Field
+from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import face_areas, sample_surface
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.posing.transforms import Transform, Vector, vector
+from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
 # A handle moves to one of several candidates: vertices whose feature distance exceeds the smallest one by at most this
 # number. The candidate at the most similar position is chosen, because left and right legs have nearly equal features.
 CANDIDATE_MARGIN = 0.1
+# With the parts of both shapes, a handle that holds a part has up to MOST_PLACES candidates: vertices whose feature
+# distance exceeds the smallest one by at most PLACE_MARGIN, and which are SPACING · diagonal apart. Of the parts there,
+# at all levels, the one with the largest log-odds of `dfd.editing.agreement` is chosen, after LEVEL_COST is subtracted
+# for each level of difference. On four pairs of labelled shapes, 29 of 47 handles are then accepted and right, and 7
+# accepted and wrong. With LEVEL_COST 0, the numbers are 29 and 11; with one place, 24 and 6; without parts, 22 and 5.
+MOST_PLACES, PLACE_MARGIN, SPACING, LEVEL_COST = 4, 0.2, 0.06, 2.0
 MOST_POSITIONS = 2048  # largest number of transferred vertices of a vertex set; they are evenly spaced in the set
 SAMPLE = 4096  # number of surface samples from which the mean feature of a shape is computed
 # The settings in which two fields must agree. Otherwise, their features cannot be compared.
@@ -52,7 +61,15 @@ class Transferred:
 
 
 @public
-def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
+def transfer(
+    edit: Edit,
+    mesh_from: Mesh,
+    field_from: Field,
+    mesh_to: Mesh,
+    field_to: Field,
+    *,
+    parts: tuple[Parts, Parts] | None = None,
+) -> Transferred:
     """Transfer `edit` from the shape `mesh_from` to the shape `mesh_to`, which should be of the same class.
 
     A handle moves to the vertex with the most similar feature. Among vertices of nearly equal similarity, it moves to
@@ -62,11 +79,14 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     boxes and half spaces are scaled and translated like the bounding box. At most 2,048 vertices of a vertex set are
     transferred, one by one. Parts and groups keep their names.
 
+    With the `parts` of both shapes, a handle that holds a part goes to the similar place, and gets the level, at which
+    the part is most like the first one: in its share of the surface, and in the place of its center.
+
     Raises ValueError if the fields have different encoders, two handles move to the same vertex, or a region contains
     no vertex of `mesh_to`.
     """
     check_fields(field_from, field_to)
-    return EditTransfer(mesh_from, field_from, mesh_to, field_to).of(edit)
+    return EditTransfer(mesh_from, field_from, mesh_to, field_to, parts).of(edit)
 
 
 def check_fields(field_from: Field, field_to: Field) -> None:
@@ -86,8 +106,11 @@ def check_fields(field_from: Field, field_to: Field) -> None:
 class EditTransfer:
     """Transfer edits from one shape to another; `transfer` explains the rules."""
 
-    def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
-        self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
+    def __init__(
+        self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field, parts: tuple[Parts, Parts] | None = None
+    ) -> None:
+        self.mesh_from, self.field_from, self.mesh, self.field_to = mesh_from, field_from, mesh, field_to
+        self.parts = parts
         self.mean_from, self.mean_to = mean_feature(mesh_from, field_from), mean_feature(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
         self.rows = HandleFeatures(mesh, field_to)
@@ -98,7 +121,11 @@ class EditTransfer:
         handles, similarity = [], {}
         for handle in edit.handles:
             place, similarity[handle.id] = self.place(handle.place)
-            handles.append(self.handle(handle, place))
+            level = handle.controls.level
+            if self.parts is not None and handle.controls.reach == "part" and handle.place.region is None:
+                place, similarity[handle.id], level = self.part(self.parts, handle.place, level)
+            found = self.handle(handle, place)
+            handles.append(replace(found, controls=replace(found.controls, level=level)))
         fixed = [self.place(one.place) for one in edit.fixed]
         plane = edit.symmetry
         transferred = replace(
@@ -127,6 +154,46 @@ class EditTransfer:
             after = unit(self.field_to(np.array([found.position])) - self.mean_to, least=TOO_SHORT)
             cosines = (before * after).sum(axis=1)
         return place_on(self.mesh, found), float(np.clip(cosines, 0.0, 1.0).mean())
+
+    def part(self, parts: tuple[Parts, Parts], place: Place, level: int) -> tuple[Place, float, int]:
+        """Return the place and the level at which the other shape has the part that is most like one of this shape.
+
+        Also return the similarity of the place.
+        """
+        before, after = parts
+        at = place.position if place.vertex is None else place.vertex
+        own = _surface(self.mesh_from, before, at, level)
+        vertices, cosines = self.alternatives(place)
+        best, chosen = -np.inf, (0, level)
+        for number, vertex in enumerate(vertices.tolist() if own is not None else ()):
+            lowest, highest = after.levels(vertex)
+            for other in range(lowest, highest + 1):
+                found = _surface(self.mesh, after, vertex, other)
+                if own is None or found is None:
+                    continue
+                odds = float(log_odds(between(*own, *found))[0]) - LEVEL_COST * abs(other - level)
+                if odds > best:
+                    best, chosen = odds, (number, other)
+        number, level = chosen
+        return place_on(self.mesh, int(vertices[number])), float(np.clip(cosines[number], 0.0, 1.0)), level
+
+    def alternatives(self, place: Place) -> tuple[Int64, Float64]:
+        """Return at most `MOST_PLACES` similar vertices (N,), first that of `nearest`, and their similarities (N,)."""
+        position = np.array([place.position])
+        (row,) = unit(self.field_from(position) - self.mean_from, least=TOO_SHORT)
+        cosines, apart = self.compared(row)
+        chosen = self.nearest(position)[0].tolist()
+        similar = np.flatnonzero(apart <= apart.min() + PLACE_MARGIN)
+        places = self.mesh.vertices[similar] / self.mesh.diagonal
+        meant = np.asarray(self.point(place.position)) / self.mesh.diagonal
+        cost = apart[similar] + np.linalg.norm(places - meant, axis=1) / 2
+        for _ in range(MOST_PLACES - 1):
+            last = self.mesh.vertices[chosen[-1]] / self.mesh.diagonal
+            cost[np.linalg.norm(places - last, axis=1) < SPACING] = np.inf
+            if not np.isfinite(cost).any():
+                break
+            chosen.append(int(similar[cost.argmin()]))
+        return np.array(chosen), cosines[chosen]
 
     def region(self, region: Region) -> Region:
         """Return the corresponding region of the other shape."""
@@ -184,15 +251,18 @@ class EditTransfer:
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
-        offset, length = self.mean_to, self.lengths
         vertices, cosines = np.empty(len(chosen), np.int64), np.empty(len(chosen))
         for i, row in enumerate(wanted):
-            found = (self.products(row) - float(offset @ row)) / length
-            apart = np.sqrt(np.maximum(2.0 - 2.0 * found, 0.0))
+            found, apart = self.compared(row)
             alike = np.flatnonzero(apart <= apart.min() + CANDIDATE_MARGIN)
             vertices[i] = alike[np.linalg.norm(self.mesh.vertices[alike] - meant[i], axis=1).argmin()]
             cosines[i] = found[vertices[i]]
         return vertices, cosines
+
+    def compared(self, row: Float64) -> tuple[Float64, Float64]:
+        """Return the cosines (V,) and the distances (V,) between the unit feature `row` (D,) and all vertices."""
+        cosines = (self.products(row) - float(self.mean_to @ row)) / self.lengths
+        return cosines, np.sqrt(np.maximum(2.0 - 2.0 * cosines, 0.0))
 
     @cached_property
     def lengths(self) -> Float64:
@@ -208,6 +278,19 @@ class EditTransfer:
         # Unit features differ by at most 2. With a reach of 2, a weight is therefore 1 − distance / 2.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
         return 1.0 - np.square(distances, dtype=np.float64) / 2.0
+
+
+def _surface(mesh: Mesh, parts: Parts, at: Any, level: int) -> tuple[Float64, Float64] | None:
+    """Return the share (1,) of the area and the center (1, 3) of a part with its counterparts; None without a part.
+
+    The center is relative to that of the bounding box, in diagonals.
+    """
+    component, nodes = parts.components(at, level), nodes_of(mesh)
+    if component is None:
+        return None
+    area = nodes.area * (component >= 0)
+    middle = area @ (nodes.center - mesh.bounds.mean(axis=0)) / max(area.sum(), 1e-300)
+    return np.array([area.sum() / max(nodes.area.sum(), 1e-300)]), middle[None] / max(mesh.diagonal, 1e-300)
 
 
 def mean_feature(mesh: Mesh, field: Field) -> Float64:

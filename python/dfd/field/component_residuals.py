@@ -48,7 +48,7 @@ class ComponentResiduals(ReadOnlyArrays):
     def __post_init__(self) -> None:
         owner = "ComponentResiduals"
         count, width = np.shape(self.points)[:1], np.shape(self.differences)[1:]
-        component = check.vertex_indices(owner, "component", self.component, len(self.boxes))
+        component = check.vertex_indices(owner, "component", self.component, len(self.boxes), wrap=False)
         differences = check.array(owner, "differences", self.differences, (*count, *width), dtype=np.float16)
         checked: dict[str, NDArray[Any]] = {
             "boxes": check.array(owner, "boxes", self.boxes, ("P", 6)).copy(),

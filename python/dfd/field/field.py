@@ -20,6 +20,7 @@ from dfd.common.errors import ArgumentError, called
 from dfd.common.files import sha256_of_files
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.common.read_only import ReadOnlyArrays
+from dfd.common.shown import Shown
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
 from dfd.field.compatibility import POINTS, check_compatible, surface_points
@@ -50,7 +51,7 @@ class FieldSource:
         return cls(Path(path), sha256_of_files(Path(path)))
 
 
-class Field(ReadOnlyArrays):
+class Field(Shown, ReadOnlyArrays):
     """The map Φ of the paper, from points in mesh units to features, which are vectors of unit length.
 
     The network is that of the paper (supplement L). Each hidden layer is a linear map, a ReLU and a LayerNorm. A last
@@ -120,6 +121,11 @@ class Field(ReadOnlyArrays):
     def dimension(self) -> int:
         """Return the dimension D of a feature."""
         return self.architecture.dimension
+
+    @property
+    def samples(self) -> Float64 | None:
+        """Return points (N, 3) of the distilled surface, mesh units; None if unknown."""
+        return None if self.surface is None else self.surface.astype(np.float64)
 
     def __repr__(self) -> str:
         encoder = self.settings.get("encoder")

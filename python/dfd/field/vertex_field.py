@@ -17,6 +17,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
+from dfd.field.compatibility import POINTS
 from dfd.field.field import Field
 from dfd.geometry.normalization import normalization
 from dfd.geometry.topology import face_areas
@@ -81,6 +82,11 @@ class VertexField(Field):
         self._rows, self._of_vertex, self._places = rows, of_vertex, places
 
     @property
+    def samples(self) -> Float64:
+        """Return at most 512 places (N, 3) with features, mesh units."""
+        return self._places[:: -(-len(self._places) // POINTS)]
+
+    @property
     def dimension(self) -> int:
         """Return the dimension D of a feature."""
         return int(self._rows.shape[1])
@@ -119,7 +125,7 @@ class VertexField(Field):
             raise ArgumentError(missing.pop(), "is missing", "VertexField")
         rows = check.array("VertexField", "rows", arrays["rows"], ("N", "D"))
         places = check.array("VertexField", "places", arrays["places"], (len(rows), 3), dtype=np.float64)
-        of_vertex = check.vertex_indices("VertexField", "of_vertex", arrays["of_vertex"], len(rows))
+        of_vertex = check.vertex_indices("VertexField", "of_vertex", arrays["of_vertex"], len(rows), wrap=False)
         field._store(_unit(rows), of_vertex, places)
         field.center = check.array("VertexField", "center", arrays["center"], (3,), dtype=np.float64)
         field.scale = check.number("VertexField", "scale", arrays["scale"], minimum=0.0, exclusive=True)

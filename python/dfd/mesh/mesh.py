@@ -20,6 +20,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.common.normals import smooth_normals
 from dfd.common.read_only import ReadOnlyArrays
+from dfd.common.shown import Shown
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.scene_file import SceneFile
@@ -38,7 +39,7 @@ class MeshPart(ReadOnlyArrays):
     vertices: Int64  # (N,) the vertices that these faces use, ascending; parts that touch can share vertices
 
 
-class Mesh(ReadOnlyArrays):
+class Mesh(Shown, ReadOnlyArrays):
     """An immutable triangle mesh with read-only arrays. Moved positions are a separate array (V, 3).
 
     Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0. (In an OBJ file, faces

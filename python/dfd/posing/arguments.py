@@ -97,7 +97,7 @@ def handle_positions(
         array = np.asarray(tensors.shared(function, "handles", handles))
         if array.ndim == 2:
             return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
-        indices = check.vertex_indices(function, "handles", array, len(vertices), wrap=True)
+        indices = check.vertex_indices(function, "handles", array, len(vertices))
         if len(indices) != count:
             reason = f"must have {count} entries, one per column of `weights`, got {len(indices)}"
             raise ArgumentError("handles", reason, function)

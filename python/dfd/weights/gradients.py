@@ -37,7 +37,7 @@ def bound_with_gradients(bind: Callable[..., Float32], given: dict[str, Any], fa
     values = [tensors.as_tensor("bind", name, given[name]) for name in INPUTS]
     for k in (1, 2):
         if values[k] is not None and values[k].ndim == 1:
-            values[k] = torch.from_numpy(vertex_indices("bind", INPUTS[k], values[k], len(values[0]), wrap=True))
+            values[k] = torch.from_numpy(vertex_indices("bind", INPUTS[k], values[k], len(values[0])))
     return _Bind.apply(_Call(bind, falloff), *values)  # type: ignore[no-untyped-call]
 
 

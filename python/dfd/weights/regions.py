@@ -85,7 +85,7 @@ def _points(name: str, array: NDArray[Any], source: Source, *, region: bool = Fa
             return Targets(rows, None, None)
         stored, offsets = source.project(rows)
         return Targets(np.ascontiguousarray(stored), offsets, None)
-    return Targets(check.vertex_indices("bind", name, array, source.shape[0], wrap=True), None, None)
+    return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 
 def _as_rows(region: Targets, source: Source) -> Targets:

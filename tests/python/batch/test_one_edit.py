@@ -9,8 +9,8 @@ import pytest
 from made_field import field_of
 
 import dfd
-from dfd.batch.agreement import agreements, differences, reason
 from dfd.batch.one_edit import Original, UnlikeError, carry
+from dfd.editing.agreement import agreements, differences, reason
 from dfd.editing.transfer import Transferred, transfer
 
 
@@ -68,7 +68,7 @@ def test_a_handle_whose_features_are_not_similar_is_unsure(other, original, monk
         sure = dict.fromkeys((handle.id for handle in original.edit.handles), looks)
         there = transfer(original.edit, original.mesh, original.field, other, field_of(other, seed=3)).edit
         found = Transferred(there, sure, (1.0,) * len(original.edit.fixed))
-        monkeypatch.setattr("dfd.batch.one_edit.transfer", lambda *_, found=found: found)
+        monkeypatch.setattr("dfd.batch.one_edit.transfer", lambda *_, found=found, **__: found)
         carried = carry(original, other, field, threshold=0.0)
         assert carried.confidence["leg"] == pytest.approx(wanted, abs=1e-3)
 
@@ -95,7 +95,7 @@ def test_a_handle_that_moves_another_part_is_unsure(mesh, original):
     ],
 )
 def test_the_larger_difference_is_the_reason(original, monkeypatch, apart, message):
-    monkeypatch.setattr("dfd.batch.agreement.differences", lambda *_: np.array([apart]))
+    monkeypatch.setattr("dfd.editing.agreement.differences", lambda *_: np.array([apart]))
     assert re.fullmatch(message, reason(original.session, original.session, 0))
 
 

@@ -9,9 +9,9 @@ from made_rig import two_legs
 import dfd
 from bench.training import learn_agreement, learn_metric, learn_up
 from bench.training.vertex_features import vertex_features
-from dfd.batch.agreement import AREA_SLOPE, DISTANCE_SLOPE, INTERCEPT
 from dfd.distillation.metric import Metric
 from dfd.distillation.thickness import BANDS, thickness_bands
+from dfd.editing.agreement import AREA_SLOPE, DISTANCE_SLOPE, INTERCEPT
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.learned_file import encoder_identity
 

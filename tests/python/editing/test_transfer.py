@@ -5,6 +5,7 @@ import pytest
 from made_field import field_of, made_field
 
 import dfd
+from dfd.editing.edit import Edit
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import EditTransfer, transfer
 from dfd.editing.weights import handle_features
@@ -225,3 +226,33 @@ def test_fields_that_cannot_be_compared_do_not_correspond(mesh):
     field = dfd.VertexField(mesh, np.eye(3)[np.arange(len(mesh.vertices)) % 3])
     with pytest.raises(ValueError, match=r"^correspond: `field_to` must have features of width 3"):
         dfd.correspond(mesh, field, mesh, Known(mesh=mesh))
+
+
+class Renamed:
+    """Parts whose level L is the level L − 1 of other parts. The vertices `without` have no part."""
+
+    def __init__(self, parts, without=()):
+        self.parts, self.without = parts, without
+
+    def levels(self, at):
+        return tuple(1 + level for level in self.parts.levels(at))
+
+    def components(self, at, level=0):
+        return None if at in self.without else self.parts.components(at, level - 1)
+
+
+def test_a_handle_gets_the_level_and_the_place_of_the_most_similar_part(mesh, monkeypatch):
+    field = field_of(mesh, seed=3)
+    session = dfd.Deformer(mesh, field)
+    parts = session.bound.parts
+    for level in (-1, 0):
+        session.apply(Edit())
+        handle = session.add(5, level=level)
+        found = transfer(session.edit, mesh, field, mesh, field, parts=(parts, Renamed(parts))).edit.handle(handle)
+        assert (found.place.vertex, found.controls.level) == (5, level + 1)
+    monkeypatch.setattr("dfd.editing.transfer.PLACE_MARGIN", 2.0)
+    other = transfer(session.edit, mesh, field, mesh, field, parts=(parts, Renamed(parts, {5}))).edit.handle(handle)
+    assert other.place.vertex != 5
+    session.change(handle, reach=0.5)
+    kept = transfer(session.edit, mesh, field, mesh, field, parts=(parts, Renamed(parts, {5}))).edit.handle(handle)
+    assert (kept.place.vertex, kept.controls.level) == (5, 0), "a handle with a numeric reach holds no part"

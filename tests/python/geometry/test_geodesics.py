@@ -169,3 +169,12 @@ def test_copies_give_the_same_distances(copied):
     again = copied(own)
     assert repr(again) == repr(own)
     np.testing.assert_array_equal(again.distances([0]), wanted)
+
+
+def test_negative_indices_and_masks_count_as_in_numpy(sphere):
+    geodesics, count = Geodesics(sphere), len(sphere.vertices)
+    mask = np.isin(np.arange(count), [3, count - 1])
+    wanted = geodesics.distances([3, count - 1])
+    np.testing.assert_array_equal(geodesics.distances([3, -1]), wanted)
+    np.testing.assert_array_equal(geodesics.distances(mask), wanted)
+    assert dfd.parts(sphere, dfd.VertexField(sphere, np.ones((count, 1)))).part(-1).vertex == count - 1

@@ -49,3 +49,18 @@ def test_bars_are_only_drawn_in_a_terminal(
     with Stages().stage("work", 2) as advance:
         advance(2)
     assert ("work" in capsys.readouterr().err) == terminal
+
+
+def test_meshes_sessions_and_fields_show_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = field_of(MESH)
+    session = dfd.Deformer(MESH, field)
+    for shape in (MESH, session, field, field.with_surface(MESH)):
+        if shape is field:
+            with pytest.raises(ValueError, match="samples of its surface"):
+                dfd.show(shape)
+            continue
+        with Image.open(io.BytesIO(shape._repr_png_())) as image:
+            np.testing.assert_array_equal(np.asarray(image), np.asarray(dfd.show(shape)))
+            assert np.unique(np.asarray(image)).size > 20, "the picture is not blank"
+    rows = np.eye(len(MESH.vertices), dtype=np.float32)
+    assert len(np.unique(np.asarray(dfd.show(dfd.VertexField(MESH, rows))).reshape(-1, 3), axis=0)) > 20

@@ -125,6 +125,16 @@ class KeyPose(Model):
 KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]
 
 
+class Mark(Model):
+    """A vertex, and the position at which it must arrive. In requests, null stands for its present position."""
+
+    vertex: Index
+    target: Vector | None
+
+
+Marks = Annotated[tuple[Mark, ...], Field(max_length=1000)]
+
+
 class Answer(Model):
     """The base class of all messages of the server. An answer has the `id` of its request; other messages have 0."""
 
@@ -229,6 +239,13 @@ class FixedState(Model):
     region: int  # number of vertices in the region; 0 for a point
 
 
+class MarkState(Mark):
+    """A mark, and how far it is from its target."""
+
+    position: Vector  # resting position
+    missing: float  # distance between the posed vertex and the target
+
+
 class FieldState(Model):
     """The status and the origin of the shape's field."""
 
@@ -254,6 +271,8 @@ class StateMessage(Answer):
     step: int = 0  # number of `steps` that are done
     field: FieldState
     poses: tuple[KeyPose, ...]
+    marks: tuple[MarkState, ...] = ()
+    fitted: str | None = None  # what the newest fit says of motions that the marks do not determine
 
 
 class DoneMessage(Answer):

@@ -16,6 +16,7 @@ from dfd.app.protocol import messages
 from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTransforms, Transform
 from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
+from dfd.app.session.marks import replace_marks
 from dfd.app.session.proposals import proposals
 from dfd.app.session.session import Session
 from dfd.app.session.state import quantized, short_drag
@@ -255,6 +256,15 @@ def move(
 def pose(session: Session, transforms: PoseTransforms) -> None:
     """Set the transforms of several handles, as one step of undo."""
     session.change(lambda deformer: _move_all(deformer, transforms))
+
+
+@request
+def set_marks(session: Session, marks: messages.Marks, fit: bool = True, merge: bool = False) -> None:
+    """Replace the marks. If `fit` is true, also move the handles so that the marks arrive at their targets.
+
+    Only handles that move a mark are fitted. With `merge`, successive changes are one step of undo.
+    """
+    session.change(lambda deformer: replace_marks(deformer, marks, fit), "marks", merge=merge)
 
 
 @request

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol import messages
+from dfd.app.session.marks import fitted, marks_of
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.steps import Steps
 from dfd.common.linear_algebra import Float32, Float64
@@ -149,6 +150,8 @@ class Editing:
                 )
                 for pose in deformer.edit.poses
             ),
+            marks=marks_of(deformer),
+            fitted=fitted(deformer.edit),
             can_undo=self.history.done > 0,
             can_redo=self.history.done < len(steps),
             steps=steps,

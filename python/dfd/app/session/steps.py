@@ -3,6 +3,7 @@
 from dataclasses import fields
 from itertools import pairwise
 
+from dfd.app.session.marks import marks_in
 from dfd.common.described import about
 from dfd.editing.controls import Controls
 from dfd.editing.deformer import Deformer
@@ -64,6 +65,8 @@ def named(before: Edit, after: Edit) -> str:
         return "Change the key poses"
     if before.default != after.default:
         return "Move the rest of the shape"
+    if marks_in(before) != marks_in(after):
+        return "Change the marks"
     return "Change the preset" if before.preset != after.preset else "Change the symmetry"
 
 

@@ -4,6 +4,7 @@ import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
 import * as edit from "./edit";
 import { chooseFiles } from "./files";
+import { dropMark } from "./marks";
 import { take } from "./propose";
 import { leave, play, storePose } from "./timeline";
 
@@ -27,6 +28,7 @@ const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ f
 
 /** Leave the tool or mode in use; if there is none, clear the selection. */
 function escape(): void {
+  if (dropMark(true)) return;
   const { tool, painted, moment, isolated, suggestions } = store.get();
   if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
   else if (moment) leave();
@@ -91,6 +93,7 @@ export const ACTIONS = {
   paint: { keys: "B", group: "Tools", label: "Brush", run: set({ tool: "paint" }) },
   box: { keys: "M", group: "Tools", label: "Box", run: set({ tool: "box" }) },
   pivot: { keys: "P", group: "Tools", label: "Move the pivot", run: set({ tool: "pivot" }) },
+  marks: { keys: "J", group: "Tools", label: "Marks that must arrive", run: set({ tool: "marks" }) },
   suggest: { keys: "A", group: "Tools", label: "Suggest handles", run: edit.suggest },
   addSuggested: { keys: "Shift A", group: "Tools", label: "Add the next suggested handle", run: holdNext },
   compare: {

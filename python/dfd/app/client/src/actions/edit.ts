@@ -5,7 +5,6 @@ import { MathUtils } from "three";
 import { axisIn, typedMotion, type Transform } from "../posing/affine";
 import type { Controls, HandleState, Move, PoseTransform, TakePart } from "../protocol/messages";
 import {
-  draws,
   isolates,
   otherPlaces,
   present,
@@ -47,7 +46,7 @@ export function preview(vertex: number, by: -1 | 1): void {
 /** Show the weights that a new handle at a vertex would have. */
 export function showWeights(vertex: number): void {
   const state = store.get();
-  if (!ready(state) || draws(state.tool) || state.tool === "pivot" || isolates(state)) return;
+  if (!ready(state) || !["hold", "fix"].includes(state.tool) || isolates(state)) return;
   send(state.tool === "fix" ? { type: "stays", vertex } : { type: "probe", vertex, level: state.level });
 }
 

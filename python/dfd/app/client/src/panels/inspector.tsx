@@ -9,6 +9,7 @@ import { useParts } from "../store/use";
 import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
+import { MarkPanel } from "./mark_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
@@ -19,6 +20,7 @@ export function Inspector() {
   return (
     <aside class="inspector" aria-label="Inspector">
       <HandleList />
+      {edit && state.tool === "marks" && <MarkPanel known={edit} />}
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
       {edit && ready(state) && <SymmetryPanel known={edit} />}

@@ -9,6 +9,7 @@ const HINTS = {
   fix: "Click a point to fix it: the colored surface stays · click it again to release it · H ends",
   paint: "Paint the shape · Shift erases · right button orbits · Esc ends",
   box: "Draw a box over the shape · Shift erases · right button orbits · Esc ends",
+  marks: "Click a point to place a mark · drag the mark to where it must arrive · Esc ends",
   pivot: "Drag the gizmo to move the pivot of the selected handle · Esc ends",
 } as const;
 const MOTIONS = { translate: "Move", rotate: "Rotate", scale: "Scale", bend: "Bend" } as const;
@@ -48,13 +49,14 @@ function tapped(state: State): string {
 }
 
 function words(state: State): string {
-  const { tool, comparing, typed, gizmo, dragging, painted, probe, selected, moment, axis } = state;
+  const { tool, comparing, typed, gizmo, dragging, painted, probe, selected, moment, axis, marked } = state;
   const known = selectedHandle(state);
   const handle = known && present(state, known);
   if (typed) {
     const along = typed.axis === null ? "" : ` ${"xyz"[typed.axis]}`;
     return `${MOTIONS[gizmo]}${along} ${typed.text || "…"} · X Y Z choose the axis · Enter keeps it · Esc cancels`;
   }
+  if (marked) return "The handles follow the mark · Esc cancels";
   if (dragging)
     return handle
       ? `${reachText(handle)} · moves ${percent(held(state, handle.handle))} of the surface · wheel: less or more · or type a number`

@@ -1,9 +1,6 @@
-import { ready } from "../store/state";
+import { MODES, ready, TOOLS } from "../store/state";
 import { useParts } from "../store/use";
 import { ActionButton } from "../widgets/controls";
-
-const TOOLS = ["hold", "fix", "paint", "box", "pivot"] as const;
-const MODES = ["translate", "rotate", "scale", "bend"] as const;
 
 export function Toolbar() {
   const { edit, tool, gizmo, snap, local, xray, isolated, weights, comparing, suggestions } = useParts();

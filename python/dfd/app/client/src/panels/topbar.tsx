@@ -2,7 +2,7 @@ import { send } from "../actions/connection";
 import { chooseFiles, exportAs } from "../actions/files";
 import { ACTIONS, LOOKS, type Action, type ActionName } from "../actions/actions";
 import type { Export } from "../protocol/messages";
-import { ready, store } from "../store/state";
+import { MODES, ready, store, TOOLS } from "../store/state";
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { handleCount, ActionButton, Menu, Segmented, titled, type MenuGroup, type MenuItem } from "../widgets/controls";
@@ -26,8 +26,6 @@ const VIEWS = [
   ["front", "right", "top"],
   ["back", "left", "bottom"],
 ] as const;
-const TOOLS = ["hold", "fix", "paint", "box", "pivot"] as const;
-const MODES = ["translate", "rotate", "scale", "bend"] as const;
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const { edit, mesh, recent, look, wireframe, inspector, timeline, narrow, gizmo } = useParts();

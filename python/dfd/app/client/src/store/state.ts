@@ -20,9 +20,11 @@ import type {
 import { createStore } from "./store";
 
 export type Look = "texture" | "clay" | "features" | "heat";
-export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
+export const TOOLS = ["hold", "fix", "paint", "box", "pivot", "marks"] as const;
+export type Tool = (typeof TOOLS)[number];
 export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
-export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
+export const MODES = ["translate", "rotate", "scale", "bend"] as const;
+export type GizmoMode = (typeof MODES)[number];
 
 /** Changes of a handle that are shown before the server confirms them. */
 export interface Ahead extends Partial<Omit<HandleState, "handle">> {
@@ -96,6 +98,8 @@ export const CLOSED = {
   painted: null as { readonly weights: Uint16Array; readonly count: number } | null,
   /** The pixel of the page at which the newest stroke or box ended. */
   stroked: null as readonly [number, number] | null,
+  /** The mark that the user drags, and its target. */
+  marked: null as { readonly index: number; readonly target: Vec3 } | null,
   suggestions: [] as readonly Suggestion[],
   /** The places of the selected handle and its counterparts. */
   similar: null as SimilarMessage | null,

@@ -1,6 +1,8 @@
 /** Mouse, pen and touch on the canvas: hover, clicks, brush strokes, boxes, and the wheel during a drag. */
 
 import { changePart, hold, preview, resize, resizeDragged, select, showWeights, toggleFixed } from "../actions/edit";
+import { dragMark, dropMark, placeMark, startMark } from "../actions/marks";
+import { add, subtract } from "../posing/affine";
 import { draws, ready, store, type Picked } from "../store/state";
 import { paint } from "./overlays/brush";
 import type { Viewer } from "./viewer";
@@ -14,6 +16,8 @@ export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
   /** The stroke or box that the pointer draws while it is down. */
   private drawing: "paint" | "box" | null = null;
+  /** Pixels from the pointer to the target of the dragged mark. */
+  private offset: readonly [number, number] = [0, 0];
   private scrolled = 0;
   private zoomed = -Infinity;
   private frame = 0;
@@ -24,6 +28,8 @@ export class Pointer {
     private readonly canvas: HTMLCanvasElement,
     private readonly viewer: Viewer,
   ) {
+    // This listener must run before the listener of the orbit controls, which would also use the press.
+    canvas.addEventListener("pointerdown", (event) => this.takeMark(event), { capture: true });
     canvas.addEventListener("pointerdown", (event) => this.pressed(event));
     canvas.addEventListener("pointermove", (event) => this.moved(event));
     canvas.addEventListener("pointerup", (event) => this.released(event));
@@ -35,6 +41,27 @@ export class Pointer {
     // This listener must run before the listener of the orbit controls, which zooms.
     canvas.addEventListener("wheel", (event) => this.wheeled(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  /** Begin to drag the mark under the pointer. */
+  private takeMark(event: PointerEvent): void {
+    const [x, y] = this.at(event);
+    const found = event.isPrimary && event.button === 0 ? this.viewer.markAt(x, y) : null;
+    if (!found) return;
+    event.stopImmediatePropagation();
+    this.canvas.setPointerCapture(event.pointerId);
+    this.offset = [found.at[0] - x, found.at[1] - y];
+    this.unhover();
+    startMark(found.index);
+  }
+
+  private moveMark(event: PointerEvent): void {
+    const { marked, mesh } = store.get();
+    if (!marked || !mesh) return;
+    const [x, y] = this.at(event);
+    const [dx, dy] = this.offset;
+    const goal = this.viewer.stage.beside(subtract(marked.target, mesh.center), x + dx, y + dy);
+    void dragMark(add(goal, mesh.center));
   }
 
   private pressed(event: PointerEvent): void {
@@ -60,7 +87,8 @@ export class Pointer {
     this.frame ||= requestAnimationFrame(() => {
       this.frame = 0;
       if (!this.last) return;
-      if (this.drawing) this.stroke(this.last);
+      if (store.get().marked) this.moveMark(this.last);
+      else if (this.drawing) this.stroke(this.last);
       else if (!this.down && this.last.buttons === 0) this.hover(this.last);
     });
   }
@@ -68,6 +96,7 @@ export class Pointer {
   /** After a press, the hover mark would cover the gizmo. It comes back when the pointer moves. */
   private released(event: PointerEvent): void {
     const { down, drawing } = this;
+    if (dropMark()) return;
     if (down?.id !== event.pointerId) return;
     cancelAnimationFrame(this.frame);
     this.frame = 0;
@@ -97,7 +126,8 @@ export class Pointer {
     clearTimeout(this.timer);
     const { busy } = this.viewer.gizmo;
     const picked = busy ? null : this.viewer.pick(...this.at(event));
-    this.canvas.dataset.cursor = busy ? "gizmo" : picked && ready(store.get()) ? "part" : "";
+    const grips = busy || this.viewer.markAt(...this.at(event));
+    this.canvas.dataset.cursor = grips ? "gizmo" : picked && ready(store.get()) ? "part" : "";
     if (!picked) {
       this.unhover();
       return;
@@ -135,6 +165,7 @@ export class Pointer {
   }
 
   private forget(): void {
+    dropMark();
     this.down = null;
     this.drawing = null;
   }
@@ -153,5 +184,6 @@ function click(picked: Picked | null, { shiftKey, ctrlKey, metaKey }: PointerEve
   store.set({ hover: null, probe: null });
   if (shiftKey || ctrlKey || metaKey) void changePart(shiftKey ? "add" : "remove", vertex);
   else if (state.tool === "fix") toggleFixed(vertex);
+  else if (state.tool === "marks") placeMark(vertex);
   else if (state.tool === "hold") hold(vertex);
 }

@@ -185,6 +185,12 @@ export class Stage {
     return [((at.x + 1) / 2) * this.width, ((1 - at.y) / 2) * this.height];
   }
 
+  /** Return the point at pixel (x, y) that is as far from the camera's plane as `point`. */
+  beside(point: Vec3, x: number, y: number): Vec3 {
+    const { z } = new Vector3(...point).project(this.camera);
+    return new Vector3((2 * x) / this.width - 1, 1 - (2 * y) / this.height, z).unproject(this.camera).toArray();
+  }
+
   private resize(): void {
     const box = (this.canvas.parentElement ?? this.canvas).getBoundingClientRect();
     this.width = Math.max(Math.round(box.width), 1);

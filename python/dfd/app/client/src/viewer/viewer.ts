@@ -15,6 +15,7 @@ import {
 
 import { savePicture } from "../actions/files";
 import { problem } from "../actions/toasts";
+import { subtract } from "../posing/affine";
 import { weightOf } from "../posing/columns";
 import { draws, isolates, store, type Picked, type Posed, type State } from "../store/state";
 import { touch } from "./overlays/brush";
@@ -108,6 +109,16 @@ export class Viewer {
     return this.picker?.pick(camera, x, y, width, height) ?? null;
   }
 
+  /** Return the index of the mark whose target is drawn at a pixel, and the pixel of the target. */
+  markAt(x: number, y: number): { readonly index: number; readonly at: readonly [number, number] } | null {
+    const { edit, mesh, tool } = store.get();
+    const found = (tool === "marks" && mesh ? (edit?.marks ?? []) : []).flatMap(({ target }, index) => {
+      const at = target && mesh && this.stage.project(subtract(target, mesh.center));
+      return at && Math.hypot(at[0] - x, at[1] - y) <= GRIP ? [{ index, at }] : [];
+    });
+    return found.at(-1) ?? null;
+  }
+
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
     store.on("meshArrays", () => {
@@ -141,7 +152,7 @@ export class Viewer {
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
     store.on("tool", (tool) => {
       stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
-      overlay.classList.toggle("through", draws(tool));
+      overlay.classList.toggle("through", draws(tool) || tool === "marks");
     });
     store.on("framed", (wish) => {
       if (!wish || !this.shape) return;
@@ -251,8 +262,10 @@ export class Viewer {
   }
 }
 
+const GRIP = 12; // pixels from the target of a mark within which a press takes the mark
+
 /** Keys of the state on which the pose and the marks depend. */
 const POSED_BY =
-  "edit columns ahead moment comparing probe painted selected mesh stays weights look isolated hover ladders level suggestions similar dragging gizmo local snap tool axis".split(
+  "edit columns ahead moment comparing probe painted selected mesh stays weights look isolated hover ladders level suggestions similar dragging gizmo local snap tool axis marked".split(
     " ",
   ) as (keyof State)[];

@@ -32,6 +32,8 @@ describe("nextStep", () => {
     ["a handle that bends", { ...held, gizmo: "bend" }, /^Drag the tip · .*W moves/],
     ["a moved handle", moved, /^Drag an arrow · click another part/],
     ["a painted region", { ...rests, painted: { weights: new Uint16Array(), count: 1 } }, /^Fix the selection/],
+    ["marks", { ...held, tool: "marks" }, /^Click a point to place a mark .*Esc ends$/],
+    ["a dragged mark", { ...held, tool: "marks", marked: { index: 0, target: [0, 0, 0] }, dragging: true }, /follow/],
     ["a typed number", { ...held, typed: { axis: 2, text: "4" } }, /^Move z 4 .*Enter keeps it · Esc cancels/],
     ["parts that are being found", { ...rests, edit: null }, /^Drag to orbit .* in a moment$/],
     [

@@ -18,7 +18,7 @@ import {
 import { bendTowards, bentTip } from "../../posing/bend";
 import { pulledScale, stepped } from "../../posing/scale";
 import type { BendAxis } from "../../protocol/messages";
-import { draws, present, selectedHandle, store, type State } from "../../store/state";
+import { present, selectedHandle, store, type State } from "../../store/state";
 import { FIELD_OF_VIEW, type Stage } from "../stage";
 
 /** The handle that the gizmo moves. */
@@ -308,9 +308,9 @@ function snapAlong(moved: Vector3, step: number, frame: Quaternion): void {
 function heldOf(state: State): Held | null {
   const { mesh, axis, tool, gizmo, comparing } = state;
   const handle = selectedHandle(state);
-  // While a click keeps a point still, the gizmo must not take the click.
-  if (!handle || !mesh || comparing || draws(tool) || tool === "fix") return null;
   const pivoting = tool === "pivot";
+  // The gizmo must not take the clicks of other tools.
+  if (!handle || !mesh || comparing || !(pivoting || tool === "hold")) return null;
   const bending = gizmo === "bend" && !pivoting;
   const bends = bending && axis?.handle === handle.handle ? axis.bends : null;
   if (bending && !bends) return null;

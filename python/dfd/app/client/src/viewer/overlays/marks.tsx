@@ -19,6 +19,8 @@ interface Mark {
   /** The classes of the mark in the style sheet. */
   readonly kind: string;
   readonly at: Vec3;
+  /** The point from which a line leads to the mark. */
+  readonly from?: Vec3;
   readonly label: string;
   /** Words that are shown beside the mark. */
   readonly said?: string;
@@ -38,14 +40,16 @@ export function ringMarks({ ring }: Gizmo): Mark[] {
 
 /** Draw marks at the pixels that `project` returns. */
 export function drawMarks(layer: HTMLElement, marks: readonly Mark[], project: Project): void {
-  const drawn = marks.map(({ key, kind, at, label, said, color, size, press }) => {
+  const drawn = marks.map(({ key, kind, at, from, label, said, color, size, press }) => {
     const [x, y] = project(at) ?? [null, null];
+    const [dx, dy] = (from && project(from)?.map((part, i) => part - ([x, y][i] ?? part))) ?? [0, 0];
     const style = {
       "--own": color,
+      ...(from && { "--length": `${Math.hypot(dx, dy)}px`, "--angle": `${Math.atan2(dy, dx)}rad` }),
       ...(size && { "--size": `${size}px` }),
       ...(x === null ? { visibility: "hidden" } : { transform: `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)` }),
     };
-    const words = said && <span class="said">{said}</span>;
+    const words = [from && <i class="line" />, said && <span class="said">{said}</span>];
     const shown = { key, class: `mark ${kind}`, title: label, "aria-label": label, style, children: words };
     return press ? <button type="button" onClick={press} {...shown} /> : <div {...shown} />;
   });
@@ -95,6 +99,19 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
     const at = posed(vertex, position);
     marks.push({ key: `suggestion ${vertex}`, kind: "suggestion", at, label, press: () => hold(vertex) });
   }
+  if (state.tool === "marks")
+    edit.marks.forEach(({ vertex, position, target }, i) => {
+      const goal = (state.marked?.index === i ? state.marked.target : target) ?? position;
+      const label = `Mark ${i + 1}`;
+      marks.push({
+        key: `mark ${vertex}`,
+        kind: "goal",
+        at: subtract(goal, center),
+        from: posed(vertex, position),
+        label,
+        said: label,
+      });
+    });
   const { hover } = state;
   if (hover && !state.dragging && state.tool !== "pivot") {
     const at = onSurface(hover.vertex, shape.at(hover.row));

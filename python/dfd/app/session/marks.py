@@ -1,0 +1,68 @@
+"""Marks: vertices of the shape, and the positions at which they must arrive. A fit moves the handles accordingly."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfd.app.protocol import messages
+from dfd.common.check import recorded_warnings
+from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Edit
+
+
+@dataclass(frozen=True, repr=False)
+class MarkedEdit(Edit):
+    """An edit with the marks of the page. Undo also takes back marks, but files do not contain them."""
+
+    marks: tuple[messages.Mark, ...] = ()
+    fitted: str | None = None  # what the newest fit warned of
+
+
+def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool) -> None:
+    """Replace the marks; if `fits`, fit the handles that move a mark. A mark without a target gets its present place.
+
+    Raises ValueError if the mesh lacks a vertex, or no handle moves a mark.
+    """
+    vertices = np.array([mark.vertex for mark in given], np.int64)
+    if missing := vertices[vertices >= len(deformer.mesh.vertices)].tolist():
+        raise ValueError(f"There is no vertex {missing[0]}")
+    here = deformer.vertices[vertices].tolist()
+    marks = tuple(
+        messages.Mark(vertex=mark.vertex, target=mark.target or tuple(place))
+        for mark, place in zip(given, here, strict=True)
+    )
+    if fits:
+        moved = np.flatnonzero(np.any(deformer.following[vertices], axis=0))
+        handles = [deformer.handles[index].id for index in moved]
+        targets = {mark.vertex: mark.target for mark in marks}
+        with recorded_warnings() as warnings:
+            deformer.fit(targets, handles=handles or None)
+        said = ". ".join(str(each).partition(": ")[2] for each in warnings).replace("`targets`", "The marks") or None
+    else:
+        said = fitted(deformer.edit)
+    deformer.apply(MarkedEdit(**{**vars(deformer.edit), "marks": marks, "fitted": said}))
+
+
+def marks_in(edit: Edit) -> tuple[messages.Mark, ...]:
+    """Return the marks of an edit."""
+    return edit.marks if isinstance(edit, MarkedEdit) else ()
+
+
+def fitted(edit: Edit) -> str | None:
+    """Return what the newest fit warned of."""
+    return edit.fitted if isinstance(edit, MarkedEdit) else None
+
+
+def marks_of(deformer: Deformer) -> tuple[messages.MarkState, ...]:
+    """Return the marks of the present edit, with the distances from their targets."""
+    marks = marks_in(deformer.edit)
+    posed = deformer.vertices if marks else deformer.mesh.vertices
+    return tuple(
+        messages.MarkState(
+            **dict(mark),
+            position=tuple(deformer.mesh.vertices[mark.vertex].tolist()),
+            missing=float(np.linalg.norm(posed[mark.vertex] - mark.target)),
+        )
+        for mark in marks
+    )
