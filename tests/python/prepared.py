@@ -33,10 +33,8 @@ def _once(key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
 def sample_parts(name: str) -> tuple[Sample, module.Parts]:
     """Return a sample, and its parts by the field that the app has for it."""
     sample = getattr(dfd.samples, name)()
-    field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    return sample, module.Parts(
-        sample.mesh, field.on(sample.mesh).rows, lambda: dfd.symmetry_planes(sample.mesh, field)
-    )
+    mesh, field = sample.mesh, dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
+    return sample, module.Parts(mesh, field.on(mesh).rows, lambda: dfd.symmetry_planes(mesh, field))
 
 
 @contextmanager
@@ -46,13 +44,8 @@ def parts_once() -> Iterator[None]:
     def patches(mesh: dfd.Mesh, planes: Any = ()) -> Patches:
         if len(mesh.parts) > 1:
             return Patches(mesh, planes)
-        key = (
-            "patches",
-            mesh.content_hash,
-            *((each.normal, each.offset) for each in planes),
-            coarse.MOST_NODES,
-            coarse.CELLS,
-        )
+        known = tuple((each.normal, each.offset) for each in planes)
+        key = "patches", mesh.content_hash, known, coarse.MOST_NODES, coarse.CELLS
         return _once(key, lambda: Patches(mesh, planes))
 
     def trees(own: Patches, features: Any) -> Trees:
