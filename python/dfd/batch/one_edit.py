@@ -71,23 +71,15 @@ class Carried:
     # Confidence of each handle and fixed point, 0 to 1, by name. For a handle, it is at most the probability that the
     # handle moves the same part (`dfd.editing.agreement`). A fixed point's confidence grows with the features' cosine.
     confidence: dict[str, float]
-    unsure: tuple[str, ...] = ()  # with `force`, names whose confidence is below the threshold
 
 
 def carry(
-    original: Original,
-    mesh: Mesh,
-    field: Field,
-    *,
-    threshold: float | None = None,
-    force: bool = False,
-    features: Any = None,
+    original: Original, mesh: Mesh, field: Field, *, threshold: float | None = None, features: Any = None
 ) -> Carried:
     """Transfer an edit to another shape of the same class. If `mesh` is the mesh of the edit, the edit stays unchanged.
 
     `field` is the field of the other shape, made with the same encoder. `features` are as in `Deformer`. `threshold`,
-    in [0, 1] and by default 0.5, is the smallest accepted confidence. With `force`, any confidence is accepted, and
-    `Carried.unsure` names the handles and fixed points below `threshold`. `force` also accepts another shape's `field`.
+    in [0, 1] and by default 0.5, is the smallest accepted confidence.
 
     Raises UnlikeError if a confidence is below `threshold`. Raises ValueError if `transfer` or `Deformer` raises it.
     """
@@ -97,7 +89,7 @@ def carry(
     names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
     sure, looks, unlike = [1.0] * len(names), [1.0] * len(names), [False] * len(names)
-    deformer = Deformer(mesh, field, features=features, other_shape=force)
+    deformer = Deformer(mesh, field, features=features)
     if mesh.content_hash == original.mesh.content_hash:
         deformer.apply(edit)
     else:
@@ -111,7 +103,7 @@ def carry(
             sure[number] = min(sure[number], likely) if unlike[number] else likely
     confidence = dict(zip(names, sure, strict=True))
     least = min(confidence, key=confidence.__getitem__)
-    if confidence[least] < lowest and not force:
+    if confidence[least] < lowest:
         number = sure.index(confidence[least])
         if number < len(edit.handles) and not unlike[number]:
             why = reason(original.session, deformer, number)
@@ -122,12 +114,12 @@ def carry(
             f"because {why}",
             confidence,
         )
-    return Carried(deformer, confidence, tuple(name for name in names if confidence[name] < lowest))
+    return Carried(deformer, confidence)
 
 
-def field_path(mesh: Path, folder: Path | None = None) -> Path:
-    """Return the default path of a mesh file's field: next to the mesh or in `folder`, with the mesh's name."""
-    return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
+def field_path(mesh: Path) -> Path:
+    """Return the default path of a mesh file's field: next to the mesh, with the mesh's name."""
+    return mesh.with_name(f"{mesh.stem}.field.safetensors")
 
 
 class EditSource(BaseModel):

@@ -60,7 +60,7 @@ def _article(record: Record) -> str:
     if record.cause is not None:
         lines += [f"{CAUSES[record.cause]}: {record.message}"]
     else:
-        refused = (text for name, text in record.figures.items() if name.endswith(("_refused", FAILED_EXPORT)))
-        lines += [str(text) for text in refused if text]
+        failed = (text for name, text in record.figures.items() if name.endswith(FAILED_EXPORT))
+        lines += [*record.transfers(), *(str(text) for text in failed if text)]
     text = "".join(f"<small>{escape(line)}</small>" for line in lines)
     return f"<article class='{record.status}'>{images}<a href='{link}/'>{escape(record.name)}</a>{text}</article>\n"

@@ -41,6 +41,12 @@ class Record:
         """Return the record as one line of JSON in ASCII."""
         return json.dumps(asdict(self))
 
+    def transfers(self) -> list[str]:
+        """Return for each edit a text: its confidence, or why it was refused."""
+        names = [name.removesuffix("_confidence") for name in self.figures if name.endswith("_confidence")]
+        told = {name: f"confidence {self.figures[f'{name}_confidence']:.2f}" for name in names}
+        return [f"{name}: {self.figures.get(f'{name}_refused') or told[name]}" for name in names]
+
 
 def shape_folder(root: Path, name: str) -> Path:
     """Return the folder of a shape in the folder of its batch."""

@@ -1,4 +1,4 @@
-"""Run a batch: one Ray task for each shape that is not finished. Then write the list of records and the web page.
+"""Run a batch: one task for each shape that is not finished. Then write the list of records and the web page.
 
 A batch may be interrupted at any moment. Its folder contains its whole state, so the next run continues it.
 """
@@ -50,8 +50,8 @@ def run_batch(
     With `retry`, shapes that failed before are processed again. `tell` is called with each record; records of earlier
     runs come first. Return the records in the order of `shapes`.
 
-    Raises ValueError if Ray is not installed, or has fewer resources than one task needs. Raises OSError if the folder
-    cannot be written, or no cluster answers.
+    Without Ray, the tasks run in this process, one after another. Raises the error of `check_ray`, and ValueError if
+    Ray has fewer resources than one task needs. Raises OSError if the folder cannot be written, or no cluster answers.
     """
     records: dict[str, Record] = {}
     for shape in shapes:
@@ -60,34 +60,48 @@ def run_batch(
             records[shape.name] = record
             tell(record)
     rest = [shape for shape in shapes if shape.name not in records]
-    if rest:
-        ray = _connect(resources)
-        try:
-            for record in _on_ray(ray, rest, settings, root, resources):
-                records[record.name] = record
-                tell(record)
-        finally:
-            ray.shutdown()
+    for record in _results(rest, settings, root, resources):
+        records[record.name] = record
+        tell(record)
     ordered = [records[shape.name] for shape in shapes]
     write_page(root, settings.steps, ordered)
     return ordered
 
 
-def import_ray() -> Any:
-    """Return the module `ray`; raise ValueError if Ray is not installed."""
+def check_ray(resources: Resources) -> Any:
+    """Return the module `ray`, or None if Ray is not installed. Raise ValueError if `resources` then need Ray."""
     try:
         import ray
     except ImportError:
-        raise ValueError(f"`dfd batch` runs on Ray: {pip_install('batch')}") from None
+        if resources not in (Resources(), Resources(workers=1)):
+            needing = "`--workers`, `--threads`, `--gpus`, `--timeout` and `--address`"
+            raise ValueError(f"{needing} need Ray: {pip_install('batch')}") from None
+        return None
     return ray
 
 
-def _connect(resources: Resources) -> Any:
-    """Connect to the Ray cluster at `resources.address`, or start Ray on this machine. Return the module `ray`.
+def _results(shapes: Sequence[Shape], settings: BatchSettings, root: Path, resources: Resources) -> Iterator[Record]:
+    """Yield the records of `shapes` as their tasks end."""
+    if not shapes:
+        return
+    if (ray := check_ray(resources)) is None:
+        from dfd.batch.steps import process
 
-    Raises ValueError if Ray is not installed. Raises OSError if no cluster answers, or Ray cannot be started.
+        for shape in shapes:
+            yield process(root, shape, settings)
+        return
+    _connect(ray, resources)
+    try:
+        yield from _on_ray(ray, shapes, settings, root, resources)
+    finally:
+        ray.shutdown()
+
+
+def _connect(ray: Any, resources: Resources) -> None:
+    """Connect to the Ray cluster at `resources.address`, or start Ray on this machine.
+
+    Raises OSError if no cluster answers, or Ray cannot be started.
     """
-    ray = import_ray()
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     if resources.address is None:
         cpus = None if resources.workers is None else resources.workers * resources.threads
@@ -97,7 +111,6 @@ def _connect(resources: Resources) -> Any:
     except Exception as error:  # Ray has no error class for a failed start
         where = "on this machine" if resources.address is None else f"at {resources.address}"
         raise ConnectionError(f"Ray does not answer {where}: {type(error).__name__}: {_first_line(error)}") from None
-    return ray
 
 
 def _on_ray(

@@ -12,7 +12,8 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
-EXPORTS = ("glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")  # file endings
+# File endings. "same" is that of the shape's own file.
+EXPORTS = ("same", "glb", "obj", "ply", "stl", "off", "rig.glb", "weights.npz", "weights.safetensors")
 
 
 class BatchSettings(BaseModel):

@@ -15,7 +15,7 @@ import numpy as np
 
 import dfd
 from dfd.batch.inputs import Shape
-from dfd.batch.one_edit import EditSource, UnlikeError, carry
+from dfd.batch.one_edit import EditSource, UnlikeError, carry, field_path
 from dfd.batch.record import FAILED_EXPORT, Cause, Figure, Record, modified, shape_folder, write_record
 from dfd.batch.settings import BatchSettings
 from dfd.common.errors import one_line
@@ -107,12 +107,13 @@ class _Work:
 
     @cached_property
     def field(self) -> Field:
-        """Return the distilled field, or else the field that the manifest names. Raise ValueError if there is none."""
+        """Return the distilled field, or the field that the manifest names, or the one beside the mesh file."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
-        if self.shape.field is None:
-            raise ValueError('no field: add the step "distill", or name a field in the column "field" of a manifest')
-        return Field.load(self.shape.field, mesh=self.mesh)
+        path = self.shape.field or field_path(Path(self.shape.path))
+        if self.shape.field is None and not Path(path).exists():
+            raise ValueError(f'no field: add the step "distill", or make {path}')
+        return Field.load(path, mesh=self.mesh)
 
     @cached_property
     def session(self) -> Deformer:
@@ -191,7 +192,8 @@ class _Work:
         If an export raises ValueError, the record contains the error, and all other results of the shape stay.
         """
         for name, deformer in self.carried.items():
-            for ending in self.settings.exports:
+            for each in self.settings.exports:
+                ending = Path(self.shape.path).suffix[1:].lower() if each == "same" else each
                 failed = f"{name}.{ending}{FAILED_EXPORT}"
                 try:
                     _export(self.folder / f"{name}.{ending}", deformer)

@@ -31,9 +31,11 @@ def batch(
     step: Annotated[
         list[str],
         Option(
-            metavar="STEPS", help="inspect, distill, features, symmetry, parts, pictures, edits, exports; repeatable."
+            metavar="STEPS",
+            help="inspect, distill, features, symmetry, parts, pictures, edits, exports; repeatable. If left out:"
+            " inspect, distill, pictures, and with --edit also edits and exports.",
         ),
-    ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
+    ] = [],  # noqa: B006  # Typer copies it
     encoder: options.Encoder = DEFAULT_ENCODER,
     preset: options.PresetOfEdit = None,
     distill: Annotated[
@@ -50,11 +52,15 @@ def batch(
             " mesh's field. By default, the files that each edit names are used.",
         ),
     ] = None,
-    threshold: options.Threshold = None,
+    threshold: Annotated[
+        float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")
+    ] = None,
     export: Annotated[
         list[str] | None,
         Option(
-            metavar="FORMATS", help="glb, obj, ply, stl, off; rig.glb; weights.npz, weights.safetensors; repeatable."
+            metavar="FORMATS",
+            help="same (the format of the shape; the default), glb, obj, ply, stl, off; rig.glb; weights.npz,"
+            " weights.safetensors; repeatable.",
         ),
     ] = None,
     workers: Annotated[
@@ -68,9 +74,10 @@ def batch(
     ] = None,
     retry: Annotated[bool, Option("--retry", help="Also process shapes that failed before.")] = False,
 ) -> None:
-    """Process many shapes in parallel with Ray. The same command resumes after an interruption.
+    """Process many shapes, in parallel if Ray is installed. The same command resumes after an interruption.
 
-    Each shape gets a folder of its own; shapes.jsonl and index.html list all shapes.
+    Each shape gets a folder of its own; shapes.jsonl and index.html list all shapes. On each shape, the handles of an
+    --edit are put at the most similar places. A shape without similar places is refused.
     """
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
@@ -84,12 +91,12 @@ def batch(
     from dfd.batch.inputs import find_shapes
     from dfd.batch.page import tally
     from dfd.batch.record import CAUSES
-    from dfd.batch.run import Resources, import_ray, run_batch
+    from dfd.batch.run import Resources, check_ray, run_batch
     from dfd.batch.settings import BatchSettings, begin_folder
     from dfd.common.progress import Stages
 
     shapes = find_shapes(inputs)
-    steps = _listed(step)
+    steps = _listed(step) or ["inspect", "distill", "pictures", *(["edits", "exports"] if edit else [])]
     try:
         settings = BatchSettings(
             steps=tuple(steps),  # type: ignore[arg-type]  # `BatchSettings` checks them
@@ -99,14 +106,14 @@ def batch(
             device="cuda" if gpus else "cpu",
             edits=_edit_sources(edit or [], made_on or []),
             threshold=threshold,
-            exports=tuple(_listed(export or [])),
+            exports=tuple(_listed(export or [])) or (("same",) if "exports" in steps else ()),
         )
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{first.get('ctx', {}).get('error', first['msg'])}") from None
-    import_ray()  # raises an error before anything is written
-    begin_folder(output, settings)
     stages, resources = Stages(), Resources(address, workers, threads, gpus, timeout)
+    check_ray(resources)  # raises an error before anything is written
+    begin_folder(output, settings)
     try:
         with stages.stage("shapes", len(shapes)) as advance:
 
@@ -114,6 +121,8 @@ def batch(
                 advance()
                 if record.cause is not None:
                     say(f"{record.name} failed: {CAUSES[record.cause]}: {record.message}")
+                for line in record.transfers():
+                    say(f"{record.name}: {line}")
 
             records = run_batch(shapes, settings, output.absolute(), resources, retry=retry, tell=tell)
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The command `dfd deform`: deform one shape by handles, or several shapes by one edit."""
+"""The command `dfd deform`: deform a shape by handles."""
 
 import json
 import re
@@ -11,7 +11,6 @@ from typer import Argument, Option
 from dfd.batch.inputs import MESH_ENDINGS, has_magic
 from dfd.cli import options
 from dfd.cli.arguments import check_output, file_in, hold, open_mesh, open_session
-from dfd.cli.deform_many import deform_many
 from dfd.cli.errors import say
 from dfd.cli.handles import handles, value_of
 from dfd.cli.rehearsal import check_edit, check_plane
@@ -19,25 +18,14 @@ from dfd.editing.controls import CONTROLS
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.posing.transforms import MOTIONS
 
-FOR_SEVERAL = ("meshes", "field", "edit", "made_on", "threshold", "force", "encoder", "preset", "output", "picture")
 NOTHING_MOVED = 1  # exit code if the edit moves nothing
 FAR = 10  # a motion of more diagonals than this is probably in wrong units
 
 
 def deform(
     context: typer.Context,
-    meshes: Annotated[
-        list[str],
-        Argument(metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; for --edit, several or 'chairs/*.glb'."),
-    ],
-    field: Annotated[
-        Path | None,
-        Option(
-            metavar="FIELD",
-            help="The field that `dfd distill` wrote. For several shapes, the folder with NAME.field.safetensors;"
-            " by default, the shape's folder. A missing field comes from the cache, or dfd distills it.",
-        ),
-    ] = None,
+    meshes: Annotated[list[str], Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")],
+    field: options.MadeField = None,
     preset: options.PresetOfEdit = None,
     handle: Annotated[
         str | None,
@@ -76,48 +64,25 @@ def deform(
         str, Option(metavar="rigid|scale|affine", help="The motion of each handle with --fit.")
     ] = "rigid",
     edit: Annotated[Path | None, Option(metavar="JSON", help="An edit file to start from.", **options.READ)] = None,
-    made_on: Annotated[
-        Path | None,
-        Option(metavar="MESH", help="The shape on which --edit was made, if it is none of the meshes.", **options.READ),
-    ] = None,
-    threshold: options.Threshold = None,
-    force: Annotated[
-        bool,
-        Option(
-            "--force",
-            help="Accept a field or an edit of another shape, and an --output that replaces MESH. With several shapes,"
-            " also deform shapes with a low confidence; the picture marks these shapes as unsure.",
-        ),
-    ] = False,
+    force: options.ForceReplacing = False,
     encoder: options.Encoder = DEFAULT_ENCODER,
     output: Annotated[
-        Path | None,
-        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; for several shapes, a folder."),
+        Path | None, Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write, or its folder.")
     ] = None,
-    picture: Annotated[Path | None, Option(metavar="PNG", help="A picture of each shape before and after.")] = None,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="A picture of the shape before and after.")] = None,
     azimuth: options.Azimuth = None,
     elevation: options.Elevation = 18.0,
     zoom: options.Zoom = 1.0,
     save_edit: Annotated[Path | None, Option(metavar="JSON", help="Write the edit, to use it with --edit.")] = None,
     **described: Any,
 ) -> None:
-    """Deform MESH by handles from options, from an edit, or from both. Or deform several shapes by one edit.
+    """Deform MESH by handles from options, from an edit, or from both.
 
-    On several shapes, each handle is put at the most similar place. Shapes without similar places are left out.
+    `dfd batch --edit` deforms several shapes by an edit.
     """
     held = handles(context)
-    if len(meshes) > 1 or made_on is not None or has_magic(meshes[0]):
-        given = (each for each in context.command.params if each.name and each.name not in FOR_SEVERAL)
-        others = [
-            each.opts[0] for each in given if str(context.get_parameter_source(each.name)).endswith("COMMANDLINE")
-        ]
-        if held or others:
-            raise ValueError(f"`{'--handle' if held else others[0]}` is for one MESH: several are deformed by `--edit`")
-        if edit is None or output is None:
-            raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
-        chosen: dict[str, Any] = {"preset": preset, "encoder": encoder, "threshold": threshold, "force": force}
-        deform_many(meshes, edit, output, fields=field, made_on=made_on, sheet=picture, **chosen)
-        return
+    if len(meshes) > 1 or has_magic(meshes[0]):
+        raise ValueError("`MESH` must be one file: `dfd batch --edit` deforms several shapes")
     mesh = Path(meshes[0])
     if not held and edit is None:
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")

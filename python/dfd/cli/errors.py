@@ -89,7 +89,7 @@ def _usage(error: Any) -> str:
 PARAMETERS = {"path": "output", "features": "field", "plane": "symmetry"}
 PATHS = {"load": "MESH", "Field.load": "--field"}  # the option that sets the argument `path` of a Python function
 CALLED = re.compile(r"(load|load_encoder|distill|Field\.load): (.*)", re.DOTALL)  # messages that begin with a function
-REMEDIES = {"dfd.editing.transfer": "`dfd deform --made-on`", "other_shape=True": "`--force`"}  # by remedies for Python
+REMEDIES = {"dfd.editing.transfer": "`dfd batch --edit`", "other_shape=True": "`--force`"}  # by remedies for Python
 
 
 def _in_options(function: str | None, said: str, parameters: Sequence[Any]) -> str:

@@ -45,9 +45,7 @@ def export(
     ] = None,
     preset: options.PresetOfEdit = None,
     encoder: options.Encoder = DEFAULT_ENCODER,
-    force: Annotated[
-        bool, Option("--force", help="Accept a field or an edit of another shape, and an --output that replaces MESH.")
-    ] = False,
+    force: options.ForceReplacing = False,
 ) -> None:
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:

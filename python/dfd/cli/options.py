@@ -33,6 +33,9 @@ MadeField = Annotated[
     Path | None, Option(metavar="FIELD", help="The shape's field; by default from the cache, else distilled.", **READ)
 ]
 Force = Annotated[bool, Option("--force", help="Accept a field or an edit of another shape.")]
+ForceReplacing = Annotated[
+    bool, Option("--force", help="Accept a field or an edit of another shape, and an --output that replaces MESH.")
+]
 PRESET = "Defaults of all other settings: dfd's or the paper's. If left out, "
 Preset = Annotated[PresetName | None, Option(metavar="default|paper", help=f"{PRESET}dfd's.")]
 PresetOfEdit = Annotated[
@@ -60,9 +63,6 @@ Encoder = Annotated[
         help="The encoder: a known name, a weights folder, or a name on the Hugging Face hub.",
         callback=_checked_encoder,
     ),
-]
-Threshold = Annotated[
-    float | None, Option(min=0.0, max=1.0, help="Smallest confidence of a transferred edit; 0.5 if left out.")
 ]
 Azimuth = Annotated[
     float | None,

@@ -37,12 +37,10 @@ def start_page(shape: Shape, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 STORIES = sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs"))
-QUICK = "distill.test.mjs"  # the script that `make test` runs: it distills a field and adds a handle
 
 
-@pytest.mark.parametrize(
-    "story", [pytest.param(story, marks=[pytest.mark.browser] * (story != QUICK)) for story in STORIES]
-)
+@pytest.mark.browser
+@pytest.mark.parametrize("story", STORIES)
 def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, large: Path, tmp_path: Path) -> None:
     environment = {
         **os.environ,

@@ -14,7 +14,7 @@ from app_page import Page, Shape
 import dfd
 from dfd.app.options import SAMPLES, OpenedFile, SessionOptions, read_shape
 from dfd.app.session import preparation
-from dfd.app.session.course import STAGES, Course
+from dfd.app.session.stages import STAGES
 from dfd.app.web.launch import RunningApp
 from dfd.distillation.distill_apart import LESS_URGENT, distill_apart
 from dfd.distillation.settings import DistillSettings
@@ -77,11 +77,12 @@ def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
     assert {"render", "encode", "fit"} <= set(stages)
     page.until(lambda message: message["type"] == "progress" and message["stage"] == "done")
     steps = [message for message in page.heard if message["type"] == "progress" and message["share"] is not None]
-    left, shares = ([message[key] for message in steps] for key in ("seconds_left", "share"))
-    left = [each for each in left if each is not None]
-    assert left == sorted(left, reverse=True), "the time left only shrinks, in one bar for all tasks"
+    shares = [message["share"] for message in steps if message["stage"] == "encode"]
     assert shares == sorted(shares)
-    assert {"Looking at the pictures", "Finding parts"} <= {message["text"] for message in steps}
+    assert shares[-1] == 1
+    assert {"Looking at the pictures", "Finding parts"} <= {
+        message["text"] for message in page.heard if "text" in message
+    }
     assert page.ask("add", at=40)["type"] == "done"
 
     other = Page(bare)
@@ -208,34 +209,3 @@ def test_a_full_disk_does_not_stop_a_shape_whose_field_is_cached(
     assert second.ask("add", at=5)["type"] == "done"
     for page in (first, second):
         page.close()
-
-
-def test_the_time_left_never_grows(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    course, before, shares = Course(1_000_000), 1e9, []
-    for stage in STAGES:
-        for done in range(4):
-            now[0] += 7.0  # much slower than usual
-            share, left = course.at(stage, done, 3 if stage == "encode" else None)
-            assert left is None or 0.0 <= left <= before
-            before = before if left is None else left
-            shares.append(share)
-    assert shares == sorted(shares)
-    assert shares[-1] <= 1.0
-
-
-def test_no_time_is_left_to_say_while_it_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    course = Course(50_000)
-    assert course.at("load", 0, None)[1] is None, "nothing was measured"
-    now[0] += 12.0
-    first = course.at("encode", 1, 4)[1]
-    assert first is not None
-    now[0] += 60.0
-    assert course.at("encode", 2, 4)[1] is None, "the work became slower, so the number was wrong"
-    now[0] += 1.0
-    last = course.at("parts", 1, 1)[1]
-    assert last is not None
-    assert last < first

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_runs import failed, worked
 from fake_ray import FakeRay
+from made_field import field_of
 
 import dfd
 from dfd.batch.settings import BatchSettings
@@ -61,10 +63,40 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
     assert sorted(Path().rglob("*")) == before
 
 
-def test_without_ray_it_says_what_to_install(shapes, monkeypatch):
+def test_without_ray_the_shapes_are_processed_here_unless_an_option_needs_it(shapes, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    assert failed(shapes(*BATCH, "--step", "inspect"), f"`dfd batch` runs on Ray: {pip_install('batch')}")
+    assert failed(shapes(*BATCH, "--step", "inspect", "--timeout", 9), f"need Ray: {pip_install('batch')}")
     assert not Path("out").exists()
+    result = shapes(*BATCH, "--step", "inspect")
+    assert worked(result)
+    assert "out: 1 done, in" in result.stderr
+
+
+def test_one_edit_deforms_the_shapes_that_match_and_the_others_are_named(shapes, chair):
+    for name, factor, seed in (("large", 3, 0), ("stranger", 2, 8)):
+        mesh = dfd.Mesh(factor * chair.vertices, chair.faces)
+        mesh.save(f"shapes/{name}.obj")
+        field_of(mesh, seed).save(f"shapes/{name}.field.safetensors")
+    edit = ("--edit", "edit.json", "--made-on", "shapes/chair.ply", "--step", "edits,exports", "--threshold", 0.94)
+    result = shapes("batch", "shapes/*.*", "-o", "out", *edit, "--export", "same")
+    assert worked(result)
+    assert "large.obj: edit: confidence 0.95" in result.stderr
+    assert "stranger.obj: edit: handle 1 may be on a wrong part of this shape: confidence 0." in result.stderr
+    assert not list(Path("out/shapes/stranger.obj").glob("edit.*"))
+    chair_now, large_now = (dfd.load(f"out/shapes/{name}/edit.{name[-3:]}") for name in ("chair.ply", "large.obj"))
+    np.testing.assert_allclose(large_now.vertices, 3 * chair_now.vertices, atol=1e-2)
+    assert np.abs(chair_now.vertices - dfd.load("shapes/chair.ply").vertices).max() > 0.15
+    page = Path("out/index.html").read_text()
+    assert "edit: confidence 0.95" in page
+    assert failed(shapes("deform", "shapes/*.obj", "--edit", "edit.json", "-o", "moved"), "`dfd batch --edit` deforms")
+
+
+def test_with_an_edit_the_default_steps_include_edits_and_exports(shapes, monkeypatch):
+    monkeypatch.setattr("dfd.batch.run.run_batch", lambda *_, **__: [])
+    assert worked(shapes(*BATCH, "--edit", "edit.json", "--made-on", "shapes/chair.ply"))
+    settings = BatchSettings.model_validate_json(Path("out/batch.json").read_bytes())
+    assert settings.steps == ("inspect", "distill", "pictures", "edits", "exports")
+    assert settings.exports == ("same",)
 
 
 def test_more_than_ray_has_is_refused(shapes):

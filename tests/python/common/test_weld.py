@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -11,7 +11,6 @@ from dfd.common.weld import weld
 
 
 @given(arrays(np.int8, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(-1, 1)))
-@settings(max_examples=50, deadline=None)
 def test_vertices_have_the_order_of_their_first_rows(values: np.ndarray) -> None:
     positions = values * 0.1
     first, vertex = weld(positions)

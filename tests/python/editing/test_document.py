@@ -76,7 +76,6 @@ controls = st.builds(
     on_plane=st.integers(0, 80),
     band=st.floats(0, 10),
 )
-@settings(max_examples=50, deadline=None)
 def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, default, angle, on_plane, band):
     normal = math.cos(angle), math.sin(angle), 0.0
     edit = Edit(
@@ -293,7 +292,7 @@ def numbers_of(value, path=()):
 
 
 @given(st.data(), st.sampled_from([0, 1e-320, -1e-38, 3, 1e20, 1e38, -1e38, 1e39, 1e300, 10**30]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_what_is_read_can_be_posed_and_written(mesh, data, value):
     document = to_document(full_edit(mesh), mesh)
     path = data.draw(st.sampled_from(numbers_of(document)))

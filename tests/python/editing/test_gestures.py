@@ -51,7 +51,7 @@ def tip_of(sample, part, number=0):
 
 
 @given(vertex=st.integers(0, 10**9), level=st.sampled_from(LEVELS), seed=st.integers(0, 99))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_every_handle_arrives_at_every_level(animal, vertex, level, seed):
     sample, known, _ = animal
     session = fresh(known)
@@ -68,14 +68,14 @@ def test_a_drag_of_half_a_diagonal_never_jumps_and_equals_a_fresh_session(animal
     session, far = fresh(known), sample.mesh.diagonal / 2
     for part, direction in (("leg", (1, 0, 0)), ("head", (0, 0.6, 0.8)), ("tail", (0.6, 0, -0.8))):
         handle, before, largest = session.add(tip_of(sample, part)), session.vertices, 0.0
-        for step in range(1, 201):
-            share = step / 200
+        for step in range(1, 101):
+            share = step / 100
             session.move(handle, translation=far * share * np.array(direction), merge=step > 1)
             if any(turn):
                 session.move(handle, rotation=share * np.array(turn), pivot="point", merge=True)
             now = session.vertices
             largest, before = max(largest, float(np.linalg.norm(now - before, axis=1).max())), now
-        assert largest <= (3 if not any(turn) else 6) * far / 200
+        assert largest <= (3 if not any(turn) else 6) * far / 100
         np.testing.assert_allclose(fresh(known, session.edit).vertices, now, atol=1e-12)
         session.remove(handle)
 
@@ -95,8 +95,10 @@ COMBINED = {
 }
 
 
-@pytest.mark.parametrize("second", [None, "leg", "head"])
-@pytest.mark.parametrize("name", [*SWEEPS, *COMBINED])
+@pytest.mark.parametrize(
+    ("name", "second"),
+    [*((name, None) for name in SWEEPS), *((name, part) for name in COMBINED for part in ("leg", "head"))],
+)
 def test_a_sweep_has_even_steps(animal, name, second):
     sample, session = animal[0], fresh(animal[1])
     first = session.add(tip_of(sample, "leg"))
@@ -104,7 +106,7 @@ def test_a_sweep_has_even_steps(animal, name, second):
         other = session.add(tip_of(sample, second, second == "leg"))
         session.move(other, translation=(0, 0.05, 0.1), rotation=(20, 10, 0))
     shapes = []
-    for t in np.linspace(0, 1, 101):
+    for t in np.linspace(0, 1, 61):
         motions = [SWEEPS[each](t) for each in COMBINED.get(name, (name,))]
         session.move(first, **{key: value for motion in motions for key, value in motion.items()}, merge=True)
         shapes.append(session.vertices)
@@ -146,7 +148,7 @@ def test_a_part_of_a_rotated_part_moves_as_far_as_its_handle(animal, follow):
 
 
 @given(st.floats(0, 1), st.sampled_from(["leg", "head", "ear", "tail"]), st.booleans())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_nearly_equal_motions_give_nearly_equal_shapes(animal, share, part, turns):
     sample, known, _ = animal
     session = fresh(known)
@@ -173,8 +175,14 @@ CONTROLS = (
 )
 
 
-@pytest.mark.parametrize("controls", [{}, *CONTROLS], ids=str)
-@pytest.mark.parametrize("how", [{}, {"symmetry": "x"}, {"default": (0, 0.1, 0)}, {"fixed": "tail"}], ids=str)
+@pytest.mark.parametrize(
+    ("controls", "how"),
+    [
+        *((controls, {}) for controls in CONTROLS),
+        *(({}, how) for how in ({}, {"symmetry": "x"}, {"default": (0, 0.1, 0)}, {"fixed": "tail"})),
+    ],
+    ids=str,
+)
 def test_a_drag_equals_a_fresh_session_and_undo_restores_the_same_bits(animal, controls, how):
     sample, known, _ = animal
     session = fresh(known)
@@ -257,7 +265,7 @@ def test_follow_says_how_many_legs_move(follow, legs):
     assert [bool(each.all()) for each in hoofs].count(True) == legs
 
 
-@pytest.mark.parametrize("gap", [0.0, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("gap", [0.0, 1e-5, 1e-3])
 def test_a_seam_stays_closed(animal, gap):
     """Cut the shape along a plane through the head, and move one half a little, as quantization does."""
     sample, _, rows = animal

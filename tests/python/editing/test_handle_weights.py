@@ -233,7 +233,7 @@ def test_the_weight_at_a_handle_is_1_for_compact_features_of_any_precision(compa
         deformer = dfd.Deformer(mesh, field, features=compact)
         assert deformer.features is compact
         deformer.add((0.3, 0.1, 0.2))
-        vertices = list(range(0, len(mesh.vertices), 100))
+        vertices = list(range(0, len(mesh.vertices), 250))
         for vertex in vertices:
             deformer.add(vertex)
         np.testing.assert_array_equal(deformer.weights[vertices, np.arange(1, 1 + len(vertices))], 1)

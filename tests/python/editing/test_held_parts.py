@@ -289,7 +289,7 @@ def test_counterparts_are_mirror_images_without_symmetry_of_the_whole_shape(pair
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_each_of_several_handles_reaches_its_target(seed):
     """Place handles at random on counterparts, on nested parts and on neighboring parts; half of them also rotate."""
     random = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import reference
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 
@@ -63,7 +63,6 @@ def test_distances_between_samples_rise_as_steadily_as_the_surface() -> None:
         assert np.abs(np.subtract(*row[edges.T]) / lengths).max() < 1.2
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
 def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:
     """Random faces include non-manifold edges, repeated faces, and faces without area."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 from scipy.sparse.csgraph import connected_components, dijkstra
@@ -93,7 +93,6 @@ def test_lengths_are_in_the_units_of_the_mesh(scale: float) -> None:
     assert np.allclose(scaled.data / scale, plain.data)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
 def test_confetti_gives_a_symmetric_graph_that_keeps_every_edge(seed: int, count: int) -> None:
     random = np.random.default_rng(seed)

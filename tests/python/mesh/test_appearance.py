@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, painted_cube, textured_quad, write
+from mesh_files import CORNERS, CUBE, Gltf, checkered, look_of, obj_cube, painted_cube, textured_quad, write
 from PIL import Image
 
 from dfd.common.colors import srgb
@@ -158,3 +158,35 @@ def test_the_content_hash_depends_on_all_colors(tmp_path: Path) -> None:
     hashes.add(load(write(tmp_path / "c.glb", gltf.glb())).content_hash)
     hashes.add(load(write(tmp_path / "again.glb", gltf.glb())).content_hash)
     assert len(hashes) == 3
+
+
+def picture(mode: str) -> bytes:
+    values = np.full((4, 4), 20000, np.uint16)
+    image = {
+        "I;16": Image.fromarray(values),
+        "I": Image.fromarray(values.astype(np.int32)),
+        "F": Image.fromarray((values / 65535).astype(np.float32)),
+    }[mode]
+    stream = io.BytesIO()
+    image.save(stream, "PNG" if mode == "I;16" else "TIFF")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("mode", ["I;16", "I", "F"])
+def test_gray_pictures_of_many_bits_keep_their_gray(mode: str, tmp_path: Path) -> None:
+    write(tmp_path / "gray.png", picture(mode))
+    write(tmp_path / "a.mtl", "newmtl m\nmap_Kd gray.png\n")
+    text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+    assert np.allclose(load(write(tmp_path / "a.obj", text)).vertex_colors()[0, :3], 0.305, atol=0.003)
+
+
+def test_a_black_surface_that_emits_light_shows_it(tmp_path: Path) -> None:
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE, material=0))
+    gltf.header["materials"] = [
+        {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "emissiveFactor": [1, 0, 0]}
+    ]
+    assert look_of(write(tmp_path / "a.glb", gltf.glb())).materials[0].color == (1, 0, 0, 1)
+    write(tmp_path / "a.mtl", "newmtl m\nKd 0 0 0\nKe 0 1 0\n")
+    mesh = load(write(tmp_path / "a.obj", "mtllib a.mtl\nusemtl m\n" + obj_cube()))
+    assert look_of(mesh).materials[0].color == (0, 1, 0, 1)

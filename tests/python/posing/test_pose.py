@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import reference
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from posing.made_motion import rotation, scene
 
@@ -16,7 +16,6 @@ PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
 TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     vertex_count=st.integers(0, 100),
     handle_count=st.integers(0, 40),

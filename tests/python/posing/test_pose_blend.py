@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import reference
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from posing.made_motion import about, rotation, scene, turning_scene
 from scipy.spatial.transform import Rotation
@@ -18,7 +18,6 @@ TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
 
 
-@settings(max_examples=80, deadline=None)
 @given(
     vertex_count=st.integers(8, 50),
     handle_count=st.integers(1, 8),

@@ -10,7 +10,7 @@ from dfd.common.normals import smooth_normals
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 
-PLACES = 12
+PLACES = 6
 
 
 def looks(sample):
@@ -31,7 +31,7 @@ def mirrored(mesh):
 
 @pytest.fixture(scope="module")
 def animal():
-    return dfd.samples.quadruped(6_000)
+    return dfd.samples.quadruped(4_000)
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ def with_fins(vertices, faces, random):
     "change",
     [
         *(inside_out, with_a_third_flipped, hollow, with_fins),
-        *(pytest.param(partial(cut, gap=gap), id=f"cut, moved by {gap:g}") for gap in (1e-9, 1e-6, 1e-4)),
+        *(pytest.param(partial(cut, gap=gap), id=f"cut, moved by {gap:g}") for gap in (1e-9, 1e-4)),
         renumbered,
         with_faces_in_another_order,
         with_doubled_faces,

@@ -1,10 +1,7 @@
 """Test what the first pages promise about the samples: one hoof, foot or horn stands for all of its kind."""
 
 import pytest
-
-import dfd
-from dfd.app.options import SAMPLE_FIELDS
-from dfd.segmentation.parts import Parts
+from prepared import sample_parts
 
 
 @pytest.mark.parametrize(
@@ -18,10 +15,7 @@ from dfd.segmentation.parts import Parts
     ],
 )
 def test_all_of_a_kind_follow_one(name, part, components):
-    sample = getattr(dfd.samples, name)()
-    field = dfd.Field.load(SAMPLE_FIELDS / f"{name}.field.safetensors")
-    planes = dfd.symmetry_planes(sample.mesh, field)
-    parts = Parts(sample.mesh, field.on(sample.mesh).rows, lambda: planes)
+    sample, parts = sample_parts(name)
     vertices = sample.vertices_of(part, 0)
     lowest, highest = sample.mesh.vertices[vertices, 1].argmin(), sample.mesh.vertices[vertices, 1].argmax()
     tip = lowest if part in ("hoof", "leg", "foot") else highest

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_table import probe_of, table
 from scipy.spatial.transform import Rotation
@@ -43,7 +43,6 @@ def test_a_mesh_without_extent_along_up_is_refused():
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
-@settings(max_examples=50, deadline=None)
 def test_frames_are_rotations_with_that_up(up):
     frame = explicit_up(table(), check_up(up)).frame
     assert np.allclose(frame @ frame.T, np.eye(3))

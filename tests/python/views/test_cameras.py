@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dfd.views.cameras import CLEARANCE, MARGIN, Camera, camera_towards, fibonacci_directions, place_cameras
@@ -67,7 +67,6 @@ def test_rays_and_projection_agree_on_pixel_centers() -> None:
     assert camera.ray_directions(1) == pytest.approx(-camera.back[None], abs=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     count=st.integers(2, 200),

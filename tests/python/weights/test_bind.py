@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import reference
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
@@ -15,7 +15,6 @@ import dfd
 FALLOFFS = ["linear", "smooth", "sharp", "root", "sphere", "constant"]
 
 
-@settings(max_examples=120, deadline=None)
 @given(
     count=st.integers(1, 200),
     dimension=st.integers(1, 130),

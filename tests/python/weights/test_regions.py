@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import reference
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
@@ -13,7 +13,6 @@ import dfd
 from dfd.weights.regions import MERGED, MOST_MEMBERS, resolve_points
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     count=st.integers(1, 100),
     dimension=st.integers(2, 60),

@@ -16,6 +16,13 @@ if(CMAKE_SCRIPT_MODE_FILE)
   return()
 endif()
 
+if(SKBUILD_STATE STREQUAL "sdist")
+  if(NOT EXISTS ${page})
+    message(WARNING "The source distribution will lack the app's page. `make release` and `npm run build` make the page.")
+  endif()
+  return()
+endif()
+
 find_program(NPM NAMES npm.cmd npm)
 if(NPM)
   file(GLOB_RECURSE page_sources CONFIGURE_DEPENDS ${client}/src/* ${client}/public/*)

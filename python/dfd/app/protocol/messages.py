@@ -289,14 +289,13 @@ class FailureMessage(Answer):
 
 
 class ProgressMessage(Answer):
-    """The progress of background work. One estimate holds for all tasks until handles can be added."""
+    """The progress of background work."""
 
     type: Literal["progress"] = "progress"
     task: Literal["open", "distill", "prepare", "suggest"]
     stage: str  # the last stage of a task is "done", "cancelled" or "failed"
     text: str  # the stage for the user
-    share: float | None  # share of the time that has passed; null if unknown
-    seconds_left: float | None  # never grows; null if unknown
+    share: float | None  # share of the stage's items that are done; null if they are not counted
 
 
 class ReportMessage(Answer):

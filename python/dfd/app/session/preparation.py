@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from dfd.app.options import SessionOptions, Source, read_mesh
-from dfd.app.session.course import LEARNED, Course
 from dfd.common import check
 from dfd.distillation.distill_apart import distill_apart
 from dfd.posing.pose import IDENTITY
@@ -69,7 +68,6 @@ class Preparation:
         self._stopped = threading.Event()
         self._process: BaseProcess | None = None
         self._shared: SharedShape | None = None
-        self._course = Course(len(mesh.faces))
         self._last_progress: tuple[str, float] = "", 0.0  # the stage and the time of the last progress message
 
     def start(self, task: str, work: Callable[..., None], *arguments: Any) -> None:
@@ -105,8 +103,7 @@ class Preparation:
         now = time.monotonic()
         if stage != stage_before or done == total or now - then >= INTERVAL:
             self._last_progress = stage, now
-            share, left = self._course.at(stage, done, total)
-            self._tell(self._session.tell_progress, task, stage, share, left)
+            self._tell(self._session.tell_progress, task, stage, done / total if total else None)
 
     def find(self) -> None:
         """Open the shape's field: that of a sample, or from the cache. If there is none, distill a field."""
@@ -143,7 +140,7 @@ class Preparation:
 
     def distill(self) -> None:
         """Distill the shape's field in another process, and open it."""
-        path, self._course = self._session.folder / "distilled.field.safetensors", Course(len(self._mesh.faces))
+        path = self._session.folder / "distilled.field.safetensors"
         tell = partial(self._progress, "distill")
 
         def started(process: BaseProcess) -> None:
@@ -154,7 +151,6 @@ class Preparation:
         try:
             while not _DISTILLING.acquire(timeout=INTERVAL):
                 tell("wait")
-                self._course = Course(len(self._mesh.faces))
                 if self._stopped.is_set():
                     raise ValueError("The distillation was stopped while it waited")
             try:
@@ -167,11 +163,10 @@ class Preparation:
                 raise
             self._tell(self._session.field_ended, "distill", None)
         else:
-            self.open(path, "distilled", self._course)
+            self.open(path, "distilled")
 
-    def open(self, given: Path | Field, origin: str, course: Course | None = None) -> None:
-        """Open a field or its file, and compute the data for the first handle. `course` has begun before."""
-        self._course = course or Course(len(self._mesh.faces), LEARNED)
+    def open(self, given: Path | Field, origin: str) -> None:
+        """Open a field or its file, and compute the data for the first handle."""
         self._progress("prepare", "features")
         from dfd.editing.deformer import Deformer
         from dfd.editing.weights.handle_features import HandleFeatures

@@ -17,9 +17,9 @@ from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
 from dfd.app.session import kept_edits
-from dfd.app.session.course import ENDS, OTHERS, STAGES
 from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits, upload_folder
 from dfd.app.session.preparation import Preparation
+from dfd.app.session.stages import ENDS, OTHERS, STAGES
 from dfd.app.session.state import Editing, quantized
 from dfd.app.session.summary import details, summary
 from dfd.app.session.surface import mesh_message
@@ -38,7 +38,7 @@ NO_FIELD = messages.FieldState(status="none", origin=None)
 STATUS = {"distill": "distilling", "prepare": "preparing"}  # the status of the field while a task runs
 FUNCTION = re.compile(r"^\w+(\.\w+)?: ")  # error messages of the package start with the name of the function: `bind: …`
 # Advice in error messages that is only for Python, and its replacement on the page.
-REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd deform --made-on`"}
+REMEDIES = {", other_shape=True accepts it anyway": "", "dfd.editing.transfer": "`dfd batch --edit`"}
 MOST_SUGGESTED = 12  # largest number of suggested places; more markers would hide the shape
 MOST_RECENT = 8  # number of shapes in the list of recent shapes
 COPY = "This shape is open in another tab. This tab edits a copy."
@@ -301,15 +301,16 @@ class Session:
         if self._preparation is not None:
             self._preparation.cancel()
 
-    def tell_progress(
-        self, task: Any, stage: str, share: float | None = None, seconds_left: float | None = None
-    ) -> None:
-        """Send the progress of a task. The last stage of a task is "done", "cancelled" or "failed"."""
+    def tell_progress(self, task: Any, stage: str, share: float | None = None) -> None:
+        """Send the stage of a task, and the `share` of the stage's items that are done.
+
+        The last stage of a task is "done", "cancelled" or "failed".
+        """
         ended, status = stage in ENDS, STATUS.get(task, self.field.status)
         if not ended and self.editing is None and self.field.status != status:
             self._tell_field(status)
-        text = ENDS[stage] if ended else OTHERS[stage] if stage in OTHERS else STAGES[stage][0]
-        message = messages.ProgressMessage(task=task, stage=stage, text=text, share=share, seconds_left=seconds_left)
+        text = ENDS[stage] if ended else OTHERS[stage] if stage in OTHERS else STAGES[stage]
+        message = messages.ProgressMessage(task=task, stage=stage, text=text, share=share)
         self._progress = None if ended else message
         self.send(message)
 

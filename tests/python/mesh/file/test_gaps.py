@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, Gltf, checkered, look_of, write
+from mesh_files import CORNERS, CUBE, Gltf, bent, checkered, look_of, write
 from scipy.spatial.transform import Rotation
 
 from dfd.mesh.mesh import Mesh, load
@@ -154,3 +154,30 @@ def test_complete_attributes_are_not_said(tmp_path: Path) -> None:
     mesh.save(tmp_path / "a.glb")
     load(tmp_path / "a.glb").save(tmp_path / "a.ply")
     load(write(tmp_path / "b.obj", obj([f"{each} {RED}" for each in places()], triangles(1))))
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "off", "glb"])
+@pytest.mark.parametrize("where", [0, 8])
+def test_a_vertex_without_a_position_that_no_face_uses_follows_nothing(ending: str, where: int, tmp_path: Path) -> None:
+    vertices, faces = np.insert(CORNERS, where, np.nan, axis=0), CUBE + (where == 0)
+    rows = [" ".join(f"{each:g}" for each in row) for row in vertices.tolist()]
+    text = {
+        "obj": "".join(f"v {row}\n" for row in rows) + "".join("f {} {} {}\n".format(*each) for each in faces + 1),
+        "ply": "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+        + "\n".join([*rows, *("3 {} {} {}".format(*each) for each in faces), ""]),
+        "off": "\n".join(["OFF", "9 12 0", *rows, *("3 {} {} {}".format(*each) for each in faces), ""]),
+    }
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh("cube", vertices, faces))
+    mesh = load(write(tmp_path / f"a.{ending}", text.get(ending, "").encode() or gltf.glb()))
+    moved = bent(mesh.vertices) + 0.1
+    mesh.save(tmp_path / f"moved.{ending}", moved)
+    again = load(tmp_path / f"moved.{ending}")
+    assert np.allclose(again.vertices[again.faces], moved[mesh.faces], rtol=0, atol=1e-6)
+    if ending in text:
+        assert (tmp_path / f"moved.{ending}").read_text().count("nan") == 3
+        assert (mesh.vertices[where] == 0).all()
+        assert mesh.representative[where] == where
+    mesh.save(tmp_path / "other.glb", moved)
+    assert b"NaN" not in (tmp_path / "other.glb").read_bytes()

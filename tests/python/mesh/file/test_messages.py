@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 from pathlib import Path
@@ -69,15 +70,6 @@ def test_points_only(ending: str, tmp_path: Path) -> None:
     }
     found = message(write(tmp_path / f"a.{ending}", content[ending]))
     assert "holds no faces, only 8 points, as scans and splats do: `dfd.bind` and `dfd.pose` move points" in found
-
-
-def test_an_unknown_required_extension(tmp_path: Path) -> None:
-    gltf = cube()
-    gltf.header["extensionsRequired"] = ["EXT_magic"]
-    found = message(write(tmp_path / "a.glb", gltf.glb()))
-    assert (
-        "it requires the extension 'EXT_magic', which cannot be read: export the file without this extension" in found
-    )
 
 
 def test_a_gltf_file_without_its_buffer(tmp_path: Path) -> None:
@@ -165,5 +157,56 @@ def test_faces_of_other_libraries() -> None:
         Mesh(CORNERS, Table(CUBE.tolist()))
 
 
-def test_a_cube_is_still_read(tmp_path: Path) -> None:
-    assert len(load(write(tmp_path / "a.obj", obj_cube())).faces) == 12
+@pytest.mark.parametrize("ending", ["obj", "stl", "gltf"])
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 10\n", "Git LFS pointer"),
+        (gzip.compress(obj_cube().encode(), mtime=0), "compressed data"),
+        (b"PK\x03\x04" + bytes(100), "an archive, such as a ZIP file"),
+        (b"\n<!DOCTYPE html><html><body>404</body></html>", "an HTML page"),
+        (obj_cube().encode("utf-16"), "UTF-16"),
+        (obj_cube().encode("utf-16-be"), "UTF-16"),
+    ],
+)
+def test_a_file_that_is_something_else_is_named(data: bytes, message: str, ending: str, tmp_path: Path) -> None:
+    with pytest.raises(
+        ValueError, match=rf"load: `path` .*a\.{ending} is not a mesh file in .* format, but .*{message}"
+    ):
+        load(write(tmp_path / f"a.{ending}", data))
+
+
+def test_a_mesh_under_the_ending_of_another_format_is_named(tmp_path: Path) -> None:
+    Mesh(CORNERS, CUBE).save(tmp_path / "a.ply")
+    with pytest.raises(ValueError, match="but content of the format PLY"):
+        load((tmp_path / "a.ply").rename(tmp_path / "a.glb"))
+
+
+@pytest.mark.parametrize("name", ["../bin/data.bin", "lfs.bin"])
+def test_data_that_is_not_read_is_named_with_the_reason(name: str, tmp_path: Path) -> None:
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
+    gltf.header["buffers"] = [{"byteLength": len(gltf.data), "uri": name}]
+    write(tmp_path / "lfs.bin", "version https://git-lfs.github.com/spec/v1\n")
+    reason = "outside the folder" if name.startswith("..") else "Git LFS pointer"
+    with pytest.raises(ValueError, match=f"names '{name}', which .*{reason}"):
+        load(write(tmp_path / "a.gltf", json.dumps(gltf.header)))
+
+
+@pytest.mark.parametrize("stride", [0, 3])
+def test_a_byte_stride_below_four_is_refused_by_name(stride: int, tmp_path: Path) -> None:
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
+    gltf.header["bufferViews"][1]["byteStride"] = stride
+    with pytest.raises(ValueError, match=f"bufferView 1 has the byteStride {stride}; glTF permits 4 to 252 bytes"):
+        load(write(tmp_path / "a.glb", gltf.glb()))
+
+
+def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
+    gltf = cube()
+    gltf.header["nodes"] = [{"mesh": 0}] * 100_001
+    gltf.header["scenes"] = [{"nodes": list(range(100_001))}]
+    assert "its scene places more than 100000 primitives" in message(write(tmp_path / "odd.glb", gltf.glb()))
+    gltf = cube()
+    gltf.header["meshes"][0]["primitives"] *= 20_001
+    assert "its scene shows more than 20000 primitives" in message(write(tmp_path / "odd.glb", gltf.glb()))

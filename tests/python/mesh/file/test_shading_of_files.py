@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE, Gltf, write
+from scipy.spatial.transform import Rotation
 
 from dfd.mesh.file.shading import FLAT, UNSAID, corner_normals
 from dfd.mesh.mesh import Mesh, load
@@ -60,13 +61,6 @@ def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: 
     assert (least > 0.9999) == sharp
     if not sharp:
         assert least < np.cos(np.radians(degrees / 4))
-
-
-@pytest.mark.parametrize("ending", WRITERS)
-def test_a_box_has_sharp_edges(ending: str, tmp_path: Path) -> None:
-    WRITERS[ending](tmp_path / f"a.{ending}", CORNERS, CUBE)
-    load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
-    assert least_cosine(tmp_path / "a.glb") > 0.9999
 
 
 @pytest.mark.parametrize("source", ["arrays", "trimesh"])
@@ -135,3 +129,84 @@ def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path: Path) -
     Mesh(vertices, turned).save(tmp_path / "a.obj")
     load(tmp_path / "a.obj").save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") > 0.9
+
+
+SQUARE = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)], float)
+
+
+FRONT = np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def normals_of(path: Path) -> list[np.ndarray]:
+    scene = load(path).scene
+    assert scene is not None
+    return [np.asarray(each.normals_to_scene(each.normals)) for each in scene.primitives if each.normals is not None]
+
+
+def card(folder: Path, ending: str) -> Path:
+    """A sheet with its own vertices on each side."""
+    Mesh(np.vstack([SQUARE, SQUARE]), np.vstack([FRONT, FRONT[:, ::-1] + 4])).save(folder / f"card.{ending}")
+    return folder / f"card.{ending}"
+
+
+@pytest.mark.parametrize("source", ["obj", "ply", "stl", "off", "arrays", "glb"])
+def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_path: Path) -> None:
+    if source == "arrays":
+        mesh = Mesh(SQUARE, np.vstack([FRONT, FRONT[:, ::-1]]))
+    elif source == "glb":  # the sides share their vertices
+        gltf = Gltf()
+        gltf.node(mesh=gltf.mesh("card", SQUARE, np.vstack([FRONT, FRONT[:, ::-1]])))
+        write(tmp_path / "a.glb", gltf.glb())
+        load(tmp_path / "a.glb").save(tmp_path / "a.ply")
+        mesh = load(tmp_path / "a.ply")
+    else:
+        mesh = load(card(tmp_path, source))
+    mesh.save(tmp_path / "out.glb")
+    scene = load(tmp_path / "out.glb").scene
+    assert scene is not None
+    (each,) = scene.primitives
+    assert each.normals is not None
+    own = each.geometry.faces
+    for normals, corners in zip(each.normals[own], each.vertices[own], strict=True):
+        across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        assert np.allclose(normals, across / np.linalg.norm(across), atol=1e-6)
+
+
+def leaf(ending: str, folder: Path) -> Path:
+    """A folded leaf whose normals all point up, as on foliage."""
+    vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (1, 0, 0.2), (1, 1, 0.2)])
+    faces = np.array([(0, 1, 2), (0, 2, 3), (4, 0, 3), (4, 3, 5)])
+    if ending == "obj":
+        lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in vertices.tolist()] + ["vn 0 1 0"]
+        lines += [f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in faces.tolist()]
+        return write(folder / "leaf.obj", "\n".join(lines) + "\n")
+    gltf = Gltf()
+    normals = gltf.accessor(np.tile([0.0, 1.0, 0.0], (6, 1)), 5126, "VEC3")
+    gltf.node(mesh=gltf.mesh("leaf", vertices, faces, attributes={"NORMAL": normals}))
+    return write(folder / "leaf.glb", gltf.glb())
+
+
+@pytest.mark.parametrize("ending", ["obj", "glb"])
+def test_normals_of_an_artist_turn_with_the_surface_and_ignore_translations(ending: str, tmp_path: Path) -> None:
+    mesh = load(leaf(ending, tmp_path))
+    mesh.save(tmp_path / f"shifted.{ending}", mesh.vertices + [0.3, -2.7, 1 / 3])
+    assert all((each == (0, 1, 0)).all() for each in normals_of(tmp_path / f"shifted.{ending}"))
+    turn = Rotation.from_rotvec([0.4, -0.7, 1.1])
+    mesh.save(tmp_path / f"turned.{ending}", turn.apply(mesh.vertices.copy()))
+    for each in normals_of(tmp_path / f"turned.{ending}"):
+        assert np.allclose(each, turn.apply([0, 1, 0]), atol=1e-6)
+
+
+def test_the_exact_normals_of_a_ball_stay_exact(tmp_path: Path) -> None:
+    phi, theta = np.meshgrid(np.linspace(0.2, np.pi - 0.2, 9), np.linspace(0, 2 * np.pi, 13)[:-1], indexing="ij")
+    ball = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=-1).reshape(-1, 3)
+    grid = np.arange(108).reshape(9, 12)
+    a, b, c, d = (each.ravel() for each in (grid[:-1], np.roll(grid, -1, 1)[:-1], grid[1:], np.roll(grid, -1, 1)[1:]))
+    faces = np.vstack([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
+    gltf = Gltf()
+    normals = gltf.accessor(ball, 5126, "VEC3")
+    gltf.node(mesh=gltf.mesh("ball", ball, faces, attributes={"NORMAL": normals}))
+    mesh = load(write(tmp_path / "ball.glb", gltf.glb()))
+    for moved in (mesh.vertices + [1, 2, 3], mesh.vertices * 2):
+        mesh.save(tmp_path / "out.glb", moved)
+        assert np.array_equal(normals_of(tmp_path / "out.glb")[0], normals_of(tmp_path / "ball.glb")[0])

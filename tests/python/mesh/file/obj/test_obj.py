@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from mesh_files import CORNERS, CUBE, checkered, look_of, obj_cube, same_shape, write
+from mesh_files import CORNERS, CUBE, bent, checkered, look_of, obj_cube, same_shape, write
 
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.mesh import Mesh, load
@@ -47,7 +47,6 @@ def test_faces_of_two_corners_are_left_out_and_said(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=12, unique=True), st.data())
-@settings(max_examples=60, deadline=None)
 def test_parsing_agrees_with_reading_line_by_line(
     positions: list[tuple[float, float, float]], data: st.DataObject
 ) -> None:
@@ -202,3 +201,54 @@ def test_groups_are_parts_where_objects_are_not(tmp_path: Path) -> None:
     mesh = load(write(tmp_path / "groups.obj", text))
     assert mesh.part_names == ("wheel", "body")
     assert [part.faces for part in mesh.parts] == [slice(0, 13), slice(13, 14)]
+
+
+FACES = "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in CUBE.tolist())
+
+
+@pytest.mark.parametrize(
+    ("names", "mtl"),
+    [
+        ([b"\xbd\xf0\xca\xf4", b"\xb2\xc4\xd6\xca"], b""),
+        ([b"\xc3\xa3", b"Gr\xfcn"], b""),
+        (["材质".encode(), "木".encode()], b"# cr\xe9\xe9\n"),
+        ([b"a\x85b", b"c\xa0d"], b""),
+        ([b"red", b"blue"], b"\xef\xbb\xbf"),
+    ],
+)
+def test_materials_are_found_by_their_bytes_and_keep_them(names: list[bytes], mtl: bytes, tmp_path: Path) -> None:
+    first, second = names
+    write(tmp_path / "a.mtl", mtl + b"newmtl %s\nKd 1 0 0\nnewmtl %s\nKd 0 0 1\n" % (first, second))
+    head = b"mtllib a.mtl\n" + "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS).encode()
+    lines = FACES.encode().splitlines(keepends=True)
+    text = head + b"usemtl %s\n" % first + b"".join(lines[:6]) + b"usemtl %s\n" % second + b"".join(lines[6:])
+    mesh = load(write(tmp_path / "a.obj", text))
+    (tmp_path / "other").mkdir()
+    mesh.save(tmp_path / "other" / "a.obj", mesh.vertices * 2)
+    for each in (mesh, load(tmp_path / "other" / "a.obj")):
+        colors = [material.color[:3] for material in look_of(each).materials]
+        assert colors == [(1, 0, 0), (0, 0, 1)]
+    copied = (tmp_path / "other" / "a.mtl").read_bytes()
+    assert all(b"newmtl %s\n" % name in copied for name in names)
+
+
+def test_a_material_is_found_in_a_library_of_another_encoding(tmp_path: Path) -> None:
+    write(tmp_path / "a.mtl", "newmtl Grün\nKd 1 0 0\n".encode("latin-1"))
+    mesh = load(write(tmp_path / "a.obj", "mtllib a.mtl\nusemtl Grün\n" + obj_cube()))
+    assert look_of(mesh).materials[0].color[:3] == (1, 0, 0)
+    (tmp_path / "other").mkdir()
+    mesh.save(tmp_path / "other" / "a.obj")
+    assert look_of(tmp_path / "other" / "a.obj").materials[0].name == "Grün"
+
+
+@pytest.mark.parametrize("mark", [b"\xef\xbb\xbf", b""])
+@pytest.mark.parametrize("line_break", [b"\n", b"\r\n", b"\r"])
+def test_an_obj_keeps_its_mark_and_its_continued_lines(mark: bytes, line_break: bytes, tmp_path: Path) -> None:
+    text = mark + obj_cube().replace("f 1 2 4", "f 1 \\\n2 4").encode().replace(b"\n", line_break)
+    if line_break == b"\r":
+        text = mark + obj_cube().encode().replace(b"\n", line_break)
+    mesh = load(write(tmp_path / "a.obj", text))
+    mesh.save(tmp_path / "same.obj")
+    assert (tmp_path / "same.obj").read_bytes() == text
+    mesh.save(tmp_path / "moved.obj", bent(mesh.vertices))
+    assert np.array_equal(load(tmp_path / "moved.obj").vertices, bent(mesh.vertices))

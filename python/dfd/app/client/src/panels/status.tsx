@@ -57,13 +57,10 @@ export function Toasts() {
 export function ProgressCard() {
   const { progress, edit, mesh, drawn } = useParts();
   if (progress || (mesh && !drawn)) {
-    const { share = null, text = "Drawing the shape", task = "open", seconds_left: left = null } = progress ?? {};
+    const { share = null, text = "Drawing the shape", task = "open" } = progress ?? {};
     return (
       <section class="card progress" aria-label="Progress">
-        <div class="card-line">
-          <strong>{text}</strong>
-          <span>{remaining(left)}</span>
-        </div>
+        <strong>{text}</strong>
         <progress aria-label="Progress" {...(share === null ? {} : { value: share })} max={1} />
         {task === "distill" && (
           <div class="card-line">
@@ -83,12 +80,6 @@ export function ProgressCard() {
       </div>
     </section>
   );
-}
-
-function remaining(seconds: number | null): string {
-  if (seconds === null) return "";
-  if (seconds < 60) return `${Math.max(Math.ceil(seconds), 1)} s left`;
-  return `${Math.ceil(seconds / 60)} min left`;
 }
 
 /** A dialog that says why the page has no connection. */
