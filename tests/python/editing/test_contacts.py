@@ -90,6 +90,22 @@ def test_if_the_top_is_pulled_the_legs_stretch(table):
     assert session.report().loose == 0
 
 
+@pytest.mark.parametrize("motion", [{"translation": (0.2, 0.1, 0)}, {"rotation": (0, 0, 15)}])
+def test_a_rung_between_stretched_legs_moves_as_they_do(motion):
+    """The rung is as high as the middle of the legs. A long beam below the feet touches them, and stays."""
+    legs = [box(foot + (0, 0.4, 0), (0.12, 0.84, 0.12), 6) for foot in FEET]
+    rung, beam = box((-0.4, 0.55, 0), (0.06, 0.06, 0.68)), box((0, -0.1, 0), (4, 0.16, 4))
+    mesh, piece = joined(*legs, box((0, 0.85, 0), (1, 0.1, 1), 6), rung, beam)
+    session = session_of(mesh, (piece == 4).astype(int))
+    session.add(int(np.linalg.norm(mesh.vertices - (0.5, 0.9, 0.5), axis=1).argmin()), **motion)
+    assert session.report().loose == 0
+    weights = session.following[:, 0]
+    leg = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.55) < 0.08)]
+    assert leg.min() - 0.01 <= weights[piece == 5].min() <= weights[piece == 5].max() <= leg.max() + 0.01
+    assert 0.2 < weights[piece == 5].mean() < 1
+    np.testing.assert_array_equal(session.vertices[piece == 6], mesh.vertices[piece == 6])
+
+
 def test_surface_at_a_handle_on_a_contact_follows(table):
     """Without this, the leg would come loose, because its handle moves fully."""
     session, piece, moved, at = edited(table, 0.46, 0.82, 0.46, translation=(0, -0.2, 0), follow="none")
