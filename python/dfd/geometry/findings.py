@@ -31,6 +31,8 @@ _DEFECTS = (
      "Weights and poses are not affected; distances along the surface go around holes, and volume cannot be kept."),
     ("non_manifold_edges", "edge has", "edges have", "{} more than two faces.",
      "Weights, poses, locality and symmetry are not affected; other programs may refuse the mesh."),
+    ("opposed_edges", "edge joins", "edges join", "{} two faces that look to different sides.",
+     "Parts and poses are not affected; other programs may not show such faces."),
     ("degenerate_faces", "face has", "faces have", "{} no area.",
      "Such faces are not rendered or measured; their vertices move like all others."),
     ("duplicate_faces", "face repeats", "faces repeat", "{} an earlier one.",
@@ -41,7 +43,9 @@ _DEFECTS = (
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
     """Return the unusual properties of `mesh` and their effects. `topology` is computed if it is None."""
     counts = topology or inspect(mesh)
-    return [Finding(what, means) for what, means in (*_components(mesh, counts), *_surface(counts), *_shape(mesh))]
+    return [
+        Finding(what, means) for what, means in (*_components(mesh, counts), *_surface(mesh, counts), *_shape(mesh))
+    ]
 
 
 def _components(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
@@ -57,10 +61,15 @@ def _components(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
     yield f"The surface has {counts.components:,} components that no edge connects.", means
 
 
-def _surface(counts: Topology) -> Iterator[tuple[str, str]]:
+def _surface(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
     for name, one, many, what, means in _DEFECTS:
         if number := getattr(counts, name):
             yield what.format(f"{number:,} {one if number == 1 else many}"), means
+    if counts.boundary_edges == counts.opposed_edges == 0:
+        corners = (mesh.vertices - mesh.bounds[0])[mesh.faces] / max(float(np.max(mesh.extents)), 1e-300)
+        if np.linalg.det(corners).sum() < -1e-9:
+            means = "Parts and poses are not affected; other programs may show the shape from inside."
+            yield "The surface is closed, and its faces look inward.", means
 
 
 def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:

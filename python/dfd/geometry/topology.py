@@ -37,6 +37,7 @@ class Topology:
     components: int  # connected components of the surface
     boundary_edges: int  # edges that belong to one face
     non_manifold_edges: int  # edges that belong to more than two faces
+    opposed_edges: int  # edges of two faces that look to different sides of the surface
     degenerate_faces: int  # faces without area
     duplicate_faces: int  # faces with the same three corners as an earlier face, in any order
     unreferenced_vertices: int  # vertices that belong to no face
@@ -53,7 +54,10 @@ def inspect(mesh: Mesh) -> Topology:
     """
     faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
-    uses = np.bincount(distinct_pairs(face_sides(proper), len(mesh.vertices))[1])  # number of faces of each edge
+    sides = face_sides(proper)
+    edge = distinct_pairs(sides, len(mesh.vertices))[1]
+    uses = np.bincount(edge)  # number of faces of each edge
+    turns = np.bincount(edge, np.where(sides[:, 0] < sides[:, 1], 1, -1), len(uses))
     look = mesh.appearance
     textures = {id(each.texture) for each in look.materials if each.texture is not None} if look else set()
     return Topology(
@@ -62,6 +66,7 @@ def inspect(mesh: Mesh) -> Topology:
         components=int(face_components(proper).max(initial=-1)) + 1,
         boundary_edges=int((uses == 1).sum()),
         non_manifold_edges=int((uses > 2).sum()),
+        opposed_edges=int(((uses == 2) & (turns != 0)).sum()),
         degenerate_faces=int((~_has_area(mesh.vertices, faces)).sum()),
         duplicate_faces=int((~are_distinct(faces)).sum()),
         unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),

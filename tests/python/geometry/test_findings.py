@@ -39,6 +39,9 @@ def test_defects_are_counted_in_words() -> None:
     assert "1 face has no area." in said(FINE.vertices, np.vstack([faces, [(0, 0, 1)]]))
     assert "2 faces repeat an earlier one." in said(FINE.vertices, np.vstack([faces, faces[:2]]))
     assert "3 edges have more than two faces." in said(FINE.vertices, np.vstack([faces, faces[:1]]))
+    turned = np.vstack([faces[:1, ::-1], faces[1:]])
+    assert "3 edges join two faces that look to different sides." in said(FINE.vertices, turned)
+    assert said(FINE.vertices, faces[:, ::-1]).startswith("The surface is closed, and its faces look inward.")
     assert "1 vertex belongs to no face." in said(np.vstack([FINE.vertices, [(0, 0, 0)]]), faces)
 
 

@@ -16,6 +16,9 @@ def test_a_cube_is_one_closed_component() -> None:
     assert (found.vertex_count, found.face_count, found.components) == (8, 12, 1)
     assert (found.boundary_edges, found.non_manifold_edges) == (0, 0)
     assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
+    assert found.opposed_edges == 0
+    turned = np.vstack([CUBE[:1, ::-1], CUBE[1:]])
+    assert inspect(Mesh(CORNERS * 2, turned)).opposed_edges == 3
     assert found.extents == (2, 2, 2)
     assert (found.parts, found.materials, found.textures) == (1, 0, 0)
 
