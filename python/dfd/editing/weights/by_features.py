@@ -99,13 +99,7 @@ class WeightsByFeatures:
 
     def of(self, key: Key) -> Float32:
         """Return a column (V,) of weights (Eq. 4 to 7)."""
-
-        def find() -> Float32:
-            column = np.empty(len(self._mesh.vertices), np.float32)
-            self._bind(key, column)
-            return column
-
-        return self._kept.get("column", key, find)
+        return self._kept.get("column", key, lambda: self._bound(key))
 
     def reach(self, place: Place, within: Float32) -> float:
         """Return a feature distance with a similar effect as the reach "part", whose weights (V,) are `within`."""
@@ -219,14 +213,13 @@ class WeightsByFeatures:
         reached = np.minimum(nearest * factor, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
-    def _bind(self, key: Key, column: Float32) -> None:
-        """Write the weights of a handle (Eq. 4 to 7) to `column` (V,)."""
+    def _bound(self, key: Key) -> Float32:
         place, controls, fixed = key.place, key.controls, key.fixed
         # Inside a part, all weights must be 1. So the reach is much larger than all feature distances.
         of_part = LARGEST if key.in_part else PARTLESS_REACH
         reach = of_part if controls.reach == "part" else controls.reach
         geodesic, locality = self._falloff(key)
-        bind(
+        column: Float32 = bind(
             self._rows.features,
             self._rows.points([place]),
             fixed=self._rows.points([each.place for each in fixed]) if fixed else None,
@@ -235,8 +228,7 @@ class WeightsByFeatures:
             locality=locality,
             reach=reach,
             falloff=controls.falloff,
-            out=column[None].T,
-        )
+        )[:, 0]
         # `bind` uses only some vertices of a region. Here, each vertex gets the weight of a handle at this vertex.
         if place.region is not None:
             own = self._rows.members(place.region)
@@ -256,6 +248,7 @@ class WeightsByFeatures:
         column *= np.float32(controls.strength)
         if controls.mask is not None:
             column *= self._rows.inside(controls.mask, controls.mask_feather)
+        return column
 
 
 def _sparse(weights: Float32) -> Share:

@@ -43,96 +43,58 @@ class SessionWeights:
         self.rows = HandleFeatures(mesh, field, features, full=full)
         self.axes, self._kept = PartAxes(mesh), self.rows.kept
 
-    # --- the pipeline, from the last step to the first
+    # --- once per mesh
 
-    def columns(
-        self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None
-    ) -> tuple[Float32, tuple[Column, ...]]:
-        """Return the weights (V, C), read-only, one or more columns per handle, and these columns (Eq. 9).
+    def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
+        """Compute all data that does not depend on a place, and return the parts of the mesh.
 
-        `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
+        A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
+        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be that result.
         """
-        columns = self.plan(edit)
-        chosen = tuple(self.bands(edit) if bands is None else bands)
+        self._planes = list(planes)
+        if parts is None:
+            parts = self.parts
+            parts.prepare()
+            _ = nodes_of(self.mesh).tree
+        self.parts = parts
+        return parts
 
-        def find() -> Float32:
-            weights = filled(columns, chosen, self.mesh)
-            if any(column.crowd is not None for column in columns):
-                from dfd.editing.weights.several_handles import limited
+    @cached_property
+    def _planes(self) -> list[SymmetryPlane]:
+        return symmetry_planes(self.mesh, self.field)
 
-                weights = limited(columns, weights)
-            weights.flags.writeable = False
-            return weights
+    def _known_planes(self) -> list[SymmetryPlane]:
+        return self._planes
 
-        return self._kept.get("weights", (columns, chosen), find), columns
+    @cached_property
+    def parts(self) -> Parts:
+        """Return the parts of the mesh."""
+        return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
 
-    def bands(self, edit: Edit, moved: Edit | None = None) -> list[tuple[Band, ...]]:
-        """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12), for the motions of `moved`.
+    def parts_with(self, plane: SymmetryPlane | None) -> Parts:
+        """Return the parts of the mesh, which are symmetric in the planes of the shape, or in the edit's `plane`.
 
-        If `moved` is None, the motions are those of `edit`.
+        The bands of planes do not matter.
         """
-        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit)]
+        if plane is None or any((plane.normal, plane.offset) == (each.normal, each.offset) for each in self._planes):
+            return self.parts
+        key = plane.normal, plane.offset
+        return self._kept.get("parts", key, lambda: Parts(self.mesh, self.rows.of_vertices, lambda: [plane]))
 
-    def plan(self, edit: Edit) -> tuple[Column, ...]:
-        """Return the columns of all handles. They depend on motions only by which handles move.
+    @cached_property
+    def by_features(self) -> WeightsByFeatures:
+        """Return the weights by features, which only some controls need."""
+        from dfd.editing.weights.by_features import WeightsByFeatures
 
-        If several handles move, `several_handles` decides which of them moves which component.
-        """
-        told = tuple((handle.place, handle.controls) for handle in edit.handles)
-        key = (told, edit.fixed, edit.preset, edit.symmetry, edit.sharing)
-        return self._kept.get("plan", key, lambda: self._planned(edit))
+        return WeightsByFeatures(self.mesh, self.rows)
 
-    def _planned(self, edit: Edit) -> tuple[Column, ...]:
-        self.make_room(len(edit.handles))
-        columns = [
-            column
-            for number, handle in enumerate(edit.handles)
-            for column in self.columns_of(edit, number, handle, split=number in edit.sharing or is_split(handle))
-        ]
-        if not edit.sharing:
-            return tuple(columns)
-        from dfd.editing.weights.several_handles import shared
+    def make_room(self, handles: int) -> None:
+        """Let the cache keep what `handles` handles need, and not much more."""
+        self._kept.most = max(SPARE, 2 * handles)
+        large = max(handles, 1)
+        self._kept.of_step = {**MOST, **dict.fromkeys(("column", "distances", "shares"), large)}
 
-        vertex_of = {number: self.rows.anchor(edit.handles[number].place) for number in edit.sharing}
-        return shared(columns, vertex_of, self.mesh)
-
-    def columns_of(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
-        """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
-        # place, level → part → held part: depths d, shares s and distances a of Eq. 9, and the limits of Eq. 10 to 12
-        held = self.held(edit, handle) if _needs_counterparts(handle, edit) else None
-        # what controls and fixed points leave of each component, and which components move
-        portions = self.portions(edit, handle, held, equalize=edit.rules.equalize)
-        counterparts, own = self.counterparts(handle, held), self.own(handle)
-        moving = [(each, part) for (each, moves), part in zip(counterparts, portions, strict=True) if moves]
-        if not split:
-            return [Column(number, own, tuple(part for _, part in moving))]
-        return [Column(number, each if is_split(handle) else own, (part,)) for each, part in moving]
-
-    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
-        """Return the portion of each component of `held`: all of it, unless a control or a fixed point lowers it."""
-        if held is not None and _is_plain(handle, edit):
-            return [whole(each) for each in held.components]
-        return self.by_features.portions(edit, handle, held, equalize=equalize)
-
-    def counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
-        """Return the counterparts of a handle, which holds `held`, and whether each moves. The first is the handle.
-
-        Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
-        The first counterpart always moves. The control `follow` says which others move.
-        """
-        if held is None:
-            return [(self.own(handle), True)]
-        follow = handle.controls.follow
-        others = (one.counterpart.image is not None if follow == "mirror" else True for one in held.components[1:])
-        moving = [True, *(follow != "none" and moves for moves in others)]
-        for place in handle.controls.excluded_counterparts:
-            most = held.at(self.rows.anchor(place))
-            moving[most] = most == 0
-        return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
-
-    def own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
-        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
+    # --- for one handle: place, level → part → held part → its columns
 
     def held(self, edit: Edit, handle: Handle) -> HeldPart | None:
         """Return the part that a handle holds at rest, or whose components share its weights; None if there is none.
@@ -166,56 +128,96 @@ class SessionWeights:
             planes = planes or self._planes
         return hold(self.mesh, component, vertex, place.position, similar, planes, region, detach=detach)
 
-    # --- what does not depend on a handle
+    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
+        """Return the portion of each component of `held`: all of it, unless a control or a fixed point lowers it."""
+        if held is not None and _is_plain(handle, edit):
+            return [whole(each) for each in held.components]
+        return self.by_features.portions(edit, handle, held, equalize=equalize)
 
-    def prepare(self, planes: Sequence[SymmetryPlane], parts: Parts | None = None) -> Parts:
-        """Compute all data that does not depend on a place, and return the parts of the mesh.
+    def counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
+        """Return the counterparts of a handle, which holds `held`, and whether each moves. The first is the handle.
 
-        A call takes seconds for a million faces, and may run on another thread. `planes` are the result of
-        `symmetry_planes`. If this method ran in another session with this mesh and field, `parts` may be that result.
+        Each place in `excluded_counterparts` excludes the counterpart whose component contains it, or the nearest one.
+        The first counterpart always moves. The control `follow` says which others move.
         """
-        self._planes = list(planes)
-        if parts is None:
-            parts = self.parts
-            parts.prepare()
-            _ = nodes_of(self.mesh).tree
-        self.parts = parts
-        return parts
+        if held is None:
+            return [(self.own(handle), True)]
+        follow = handle.controls.follow
+        others = (one.counterpart.image is not None if follow == "mirror" else True for one in held.components[1:])
+        moving = [True, *(follow != "none" and moves for moves in others)]
+        for place in handle.controls.excluded_counterparts:
+            most = held.at(self.rows.anchor(place))
+            moving[most] = most == 0
+        return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
 
-    @cached_property
-    def parts(self) -> Parts:
-        """Return the parts of the mesh."""
-        return Parts(self.mesh, self.rows.of_vertices, self._known_planes)
+    def own(self, handle: Handle) -> Counterpart:
+        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
+        return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
 
-    def parts_with(self, plane: SymmetryPlane | None) -> Parts:
-        """Return the parts of the mesh, which are symmetric in the planes of the shape, or in the edit's `plane`.
+    def columns_of(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
+        """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
+        # place, level → part → held part: depths d, shares s and distances a of Eq. 9, and the limits of Eq. 10 to 12
+        held = self.held(edit, handle) if _needs_counterparts(handle, edit) else None
+        # what controls and fixed points leave of each component, and which components move
+        portions = self.portions(edit, handle, held, equalize=edit.rules.equalize)
+        counterparts, own = self.counterparts(handle, held), self.own(handle)
+        moving = [(each, part) for (each, moves), part in zip(counterparts, portions, strict=True) if moves]
+        if not split:
+            return [Column(number, own, tuple(part for _, part in moving))]
+        return [Column(number, each if is_split(handle) else own, (part,)) for each, part in moving]
 
-        The bands of planes do not matter.
+    # --- for all handles: columns → bands for the motions → weights
+
+    def plan(self, edit: Edit) -> tuple[Column, ...]:
+        """Return the columns of all handles. They depend on motions only by which handles move.
+
+        If several handles move, `several_handles` decides which of them moves which component.
         """
-        if plane is None or any((plane.normal, plane.offset) == (each.normal, each.offset) for each in self._planes):
-            return self.parts
-        key = plane.normal, plane.offset
-        return self._kept.get("parts", key, lambda: Parts(self.mesh, self.rows.of_vertices, lambda: [plane]))
+        told = tuple((handle.place, handle.controls) for handle in edit.handles)
+        key = (told, edit.fixed, edit.preset, edit.symmetry, edit.sharing)
+        return self._kept.get("plan", key, lambda: self._planned(edit))
 
-    def _known_planes(self) -> list[SymmetryPlane]:
-        return self._planes
+    def _planned(self, edit: Edit) -> tuple[Column, ...]:
+        self.make_room(len(edit.handles))
+        columns = [
+            column
+            for number, handle in enumerate(edit.handles)
+            for column in self.columns_of(edit, number, handle, split=number in edit.sharing or is_split(handle))
+        ]
+        if not edit.sharing:
+            return tuple(columns)
+        from dfd.editing.weights.several_handles import shared
 
-    @cached_property
-    def _planes(self) -> list[SymmetryPlane]:
-        return symmetry_planes(self.mesh, self.field)
+        vertex_of = {number: self.rows.anchor(edit.handles[number].place) for number in edit.sharing}
+        return shared(columns, vertex_of, self.mesh)
 
-    @cached_property
-    def by_features(self) -> WeightsByFeatures:
-        """Return the weights by features, which only some controls need."""
-        from dfd.editing.weights.by_features import WeightsByFeatures
+    def bands(self, edit: Edit, moved: Edit | None = None) -> list[tuple[Band, ...]]:
+        """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12), for the motions of `moved`.
 
-        return WeightsByFeatures(self.mesh, self.rows)
+        If `moved` is None, the motions are those of `edit`.
+        """
+        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit)]
 
-    def make_room(self, handles: int) -> None:
-        """Let the cache keep what `handles` handles need, and not much more."""
-        self._kept.most = max(SPARE, 2 * handles)
-        large = max(handles, 1)
-        self._kept.of_step = {**MOST, **dict.fromkeys(("column", "distances", "shares"), large)}
+    def columns(
+        self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None
+    ) -> tuple[Float32, tuple[Column, ...]]:
+        """Return the weights (V, C), read-only, one or more columns per handle, and these columns (Eq. 9).
+
+        `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
+        """
+        columns = self.plan(edit)
+        chosen = tuple(self.bands(edit) if bands is None else bands)
+
+        def find() -> Float32:
+            weights = filled(columns, chosen, self.mesh)
+            if any(column.crowd is not None for column in columns):
+                from dfd.editing.weights.several_handles import limited
+
+                weights = limited(columns, weights)
+            weights.flags.writeable = False
+            return weights
+
+        return self._kept.get("weights", (columns, chosen), find), columns
 
 
 def is_split(handle: Handle) -> bool:
