@@ -72,7 +72,7 @@ def test_refusals_of_another_shape_name_what_the_page_s_user_can_do(page: Page, 
     session.save(tmp_path / "edit.json")
     for name, remedy in (
         ("other.safetensors", "distill a field from this mesh"),
-        ("edit.json", "`dfd deform --made-on` "),
+        ("edit.json", "`dfd batch --edit` "),
     ):
         page.upload({name: (tmp_path / name).read_bytes()})
         said = page.until(lambda message: message["type"] == "failure")["message"]
