@@ -53,7 +53,9 @@ def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
     return field_of(mesh, seed, octaves=seed % 4)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, COUNT))])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(COUNT) if seed != 1)]
+)
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
     use_every_control(mesh, rippled(mesh, seed), seed)

@@ -70,10 +70,7 @@ def test_refusals_of_another_shape_name_what_the_page_s_user_can_do(page: Page, 
     session = Deformer(other, field)
     session.add(5, translation=(0, 0.1, 0))
     session.save(tmp_path / "edit.json")
-    for name, remedy in (
-        ("other.safetensors", "distill a field from this mesh"),
-        ("edit.json", "`dfd deform --made-on` "),
-    ):
+    for name, remedy in (("other.safetensors", "distill a field from this mesh"), ("edit.json", "`dfd batch --edit` ")):
         page.upload({name: (tmp_path / name).read_bytes()})
         said = page.until(lambda message: message["type"] == "failure")["message"]
         assert remedy in said

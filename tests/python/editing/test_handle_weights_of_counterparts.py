@@ -107,13 +107,6 @@ def test_a_given_pivot_has_the_same_offset_from_each_counterpart_as_from_the_han
     np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
 
 
-def test_with_counterparts_only_just_the_leg_at_the_handle_moves(session, sample, mesh, asked, foot):
-    session.add(foot, translation=(0, -0.2, 0), follow="none", reach=0.7)
-    own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
-    np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
-    np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
-
-
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
 def test_equalize_gives_all_counterparts_full_weight(session, sample, mesh, asked, foot, counterparts):
     session.preset = "paper"
@@ -235,23 +228,6 @@ def test_counterparts_of_a_new_handle_have_their_own_pivots(session, mesh, foot)
     assert (session.vertices != by_default).any()
 
 
-def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
-    features = np.zeros((len(mesh.vertices), 16), np.float32)
-    features[np.arange(len(features)), sample.labels] = 1
-    features[:, 8] = 0.3 * mesh.vertices[:, 1]
-    features /= np.linalg.norm(features, axis=1, keepdims=True)
-    session = dfd.Deformer(mesh, field, features=features)
-    session.symmetry = "x"
-    session.add(foot, scale=1.5, counterparts="own_pivot", pivot="point")
-    assert session.report().handles[0].counterparts == 4
-    for number in range(4):
-        members = leg(sample, number)
-        lowest = members[mesh.vertices[members, 1].argmin()]
-        assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.03
-    session.change(1, counterparts="shared_pivot")
-    assert np.abs(session.vertices - mesh.vertices).max() > 0.2
-
-
 def test_a_rig_has_the_bands_of_its_widest_pose(mesh, field, sample, foot):
     session = dfd.Deformer(mesh, field, features=np.eye(16, dtype=np.float32)[sample.labels])
     held, far = session.add(foot), (0.3 * mesh.diagonal, 0, 0)
@@ -288,7 +264,7 @@ def test_the_base_of_a_limb_does_not_depend_on_the_width_of_its_blend_band(mesh,
 def test_carriers_and_counterparts_do_not_depend_on_how_far_handles_move(field_of_quadruped):
     sample, field, features = field_of_quadruped
     mesh, found = sample.mesh, []
-    for amount in (0.002, 0.02, 0.05, 0.1, 0.3):
+    for amount in (0.002, 0.05, 0.3):
         session = dfd.Deformer(mesh, field, features=features)
         for place, share, direction in ((1280, 0.2, (0, 0, -1)), (420, amount, (-1, 0, 0))):  # the neck and the head
             session.add(place, translation=share * mesh.diagonal * np.array(direction))

@@ -315,11 +315,7 @@ CHAIR_FEATURES = np.eye(16, dtype=np.float32)[CHAIR.labels]
 
 def test_a_bend_towards_a_vector_is_one_towards_its_direction(one):
     tip = one.add(len(one.mesh.vertices) - 1)
-    for name, vector in (("front", (0, 0, 3.0)), ("left", np.array([-1, 0, 0])), ("down", [0, -0.1, 0])):
-        if name == "down":
-            with pytest.raises(ValueError, match="`towards` must not be parallel"):
-                one.bend(tip, 40, towards=vector)
-            continue
+    for name, vector in (("front", (0, 0, 3.0)), ("left", np.array([-1, 0, 0]))):
         one.bend(tip, 40, towards=name)
         named = one.vertices
         one.bend(tip, 40, towards=vector)

@@ -156,8 +156,7 @@ def test_gradients_have_the_same_bits_for_any_number_of_threads():
             assert torch.equal(mine, theirs)
 
 
-@pytest.mark.parametrize("overlap", ["add", "paper", "normalize"])
-@pytest.mark.parametrize("symmetry", [None, PLANE])
+@pytest.mark.parametrize(("overlap", "symmetry"), [("add", None), ("paper", PLANE), ("normalize", PLANE)])
 def test_gradcheck_and_gradgradcheck(overlap, symmetry):
     vertices, weights, transforms = tensors()
     default = torch.from_numpy(DEFAULT).requires_grad_()

@@ -31,7 +31,7 @@ def mirrored(mesh):
 
 @pytest.fixture(scope="module")
 def animal():
-    return dfd.samples.quadruped(4_000)
+    return dfd.samples.quadruped(6_000)
 
 
 @pytest.fixture(scope="module")
