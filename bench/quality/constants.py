@@ -22,7 +22,6 @@ import dfd
 from bench.quality import people
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.parts import Parts
-from dfd.symmetry.plane_search import same_plane
 
 FACTORS = (0.5, 2.0)
 ANGLE, OFFSET = np.radians(0.5), 0.005  # planes that differ by less count as equal
@@ -111,12 +110,18 @@ def _planes(shapes: list[tuple[people.PeopleShape, dfd.Field]]) -> Callable[[], 
         if not before:
             before.extend(found)
         differ = [
-            len(one) != len(two) or not all(any(same_plane(a, b, angle=ANGLE, offset=OFFSET) for b in two) for a in one)
+            len(one) != len(two) or not all(any(_same_plane(a, b) for b in two) for a in one)
             for one, two in zip(before, found, strict=True)
         ]
         return f"{sum(differ)} of {len(shapes)} differ, {sum(map(len, found))} planes"
 
     return measure
+
+
+def _same_plane(one: Any, other: Any) -> bool:
+    """Return whether two planes (4,) differ by less than `ANGLE` and `OFFSET`."""
+    along = float(one[:3] @ other[:3])
+    return bool(abs(along) > np.cos(ANGLE) and abs(one[3] - np.sign(along) * other[3]) < OFFSET)
 
 
 if __name__ == "__main__":

@@ -8,12 +8,13 @@ from typing import Literal
 import numpy as np
 
 from dfd.common import check
-from dfd.common.linear_algebra import Float64
+from dfd.common.linear_algebra import Float64, principal_directions
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, surface_features
+from dfd.symmetry.fit import fitted, mirrored
 from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
-from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
+from dfd.views.cameras import fibonacci_directions
 
 _SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
 _AT_ONCE = 50_000  # number of vertices whose features are in memory together
@@ -22,14 +23,13 @@ RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFe
 # figure's left and right are so similar that the plane between its front and back is not returned. Without the rule, 6
 # of 52 shapes get other planes.
 WORSE_THAN_BEST = 3.0
-# A plane is an inaccurate copy of a better plane if their angle is below _COPY_ANGLE, their offsets differ by less than
-# _COPY_OFFSET (normalized), and its dissimilarity is more than _COPY_RATIO times that of the better plane. Without the
-# rule, one of 52 shapes gets a second plane, tilted by 14° (`enemy_large` of Quaternius' Cyberpunk pack).
-_COPY_ANGLE, _COPY_OFFSET, _COPY_RATIO = np.radians(20.0), 0.25, 1.3
-# A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, its normalized
-# offset by less than _SNAP_OFFSET, and its dissimilarity rises by less than _SNAP_LOSS. Without the rule, 3 of 52
-# shapes (Ant 85, Bearing 345 and Fish 225 of the benchmark) get other planes.
-_SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
+# Number of directions of candidate planes, beside the coordinate axes and the principal axes. With 16, two more
+# directions of 34 shapes (`dfd.symmetry.fit`) change by more than half a degree, and none is better.
+_DIRECTIONS = 8
+_SAME_ANGLE = np.radians(20.0)  # of planes with a smaller angle, only the one with the least dissimilarity is kept
+# A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, and its
+# dissimilarity rises by less than _SNAP_LOSS.
+_SNAP_ANGLE, _SNAP_LOSS = np.radians(3.0), 0.01
 # Largest rounding error of exactly mirrored vertices, in normalized coordinates. Without pairs of such vertices, planes
 # of 52 shapes change by less than half a degree and 0.5 %, but are not exact.
 _EXACT = 1e-6
@@ -44,16 +44,14 @@ def symmetry_planes(
 ) -> list[SymmetryPlane]:
     """Return the mirror planes of `mesh`: planes whose two sides have similar features.
 
-    With `candidates="any"`, candidates are the planes halfway between points with similar features, and planes
-    perpendicular to principal axes or coordinate axes. Each candidate is moved so that the mirror image of the surface
-    is nearest to the surface. If planes are nearly equal, one of them is kept. A plane nearly perpendicular to a
-    coordinate axis is made perpendicular if its `relative_score` hardly increases. The plane in which a flat shape lies
-    is not found.
+    With `candidates="any"`, candidates are planes through the middle of the surface in many directions. Each candidate
+    is moved so that the mirror image of the surface is nearest to the surface. If planes are nearly parallel, the best
+    of them is kept. A plane nearly perpendicular to a coordinate axis is made perpendicular if its `relative_score`
+    hardly increases. The plane in which a flat shape lies is not found.
 
     Raises ValueError if `field` is not callable, or `threshold` or `candidates` is invalid.
 
-    Source: paper, section 3.3.3. The use of pairs of points is from Mitra, Guibas and Pauly, "Partial and approximate
-    symmetry detection for 3D geometry", 2006.
+    Source: paper, section 3.3.3.
 
     Parameters
     ----------
@@ -104,7 +102,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     if candidates == "axes":
         found = [_candidate(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
     else:
-        distinct = _without_copies([_candidate(evidence, plane) for plane in candidate_planes(evidence)])
+        distinct = _distinct([_candidate(evidence, plane) for plane in _fitted_planes(evidence)])
         fitting = [each for each in distinct if each.dissimilarity < 1]
         vertices = evidence.frame.apply(mesh.vertices)
         found = [_snapped(evidence, vertices, each) for each in fitting]
@@ -124,18 +122,26 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
 
 
 def _candidate(evidence: SurfaceFeatures, plane: Float64) -> _Candidate:
-    return _Candidate(plane, evidence.dissimilarity(mirrored(evidence.points, plane)))
+    return _Candidate(plane, evidence.dissimilarity(mirrored(evidence.samples.points, plane)))
 
 
-def _without_copies(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates by ascending dissimilarity, without inaccurate copies of better planes."""
+def _fitted_planes(evidence: SurfaceFeatures) -> Float64:
+    """Return candidate mirror planes (K, 4): planes in many directions, each fitted to the surface."""
+    samples = evidence.samples
+    middle = samples.points.mean(axis=0)
+    axes = principal_directions(samples.points - middle)
+    spread = fibonacci_directions(2 * _DIRECTIONS)[:_DIRECTIONS] @ axes
+    normals = np.concatenate([np.eye(3), axes, spread])
+    planes = np.column_stack([normals, normals @ middle])
+    planes[:3, 3] = 0.0  # planes perpendicular to coordinate axes pass through the center of the box
+    return np.array([fitted(samples, samples, plane) for plane in planes])
+
+
+def _distinct(candidates: list[_Candidate]) -> list[_Candidate]:
+    """Return the candidates by ascending dissimilarity, without those nearly parallel to a better one."""
     kept: list[_Candidate] = []
     for each in sorted(candidates, key=lambda each: each.dissimilarity):
-        if not any(
-            same_plane(each.plane, other.plane, angle=_COPY_ANGLE, offset=_COPY_OFFSET)
-            and each.dissimilarity > _COPY_RATIO * other.dissimilarity
-            for other in kept
-        ):
+        if all(abs(each.plane[:3] @ other.plane[:3]) < np.cos(_SAME_ANGLE) for other in kept):
             kept.append(each)
     return kept
 
@@ -145,15 +151,11 @@ def _snapped(evidence: SurfaceFeatures, vertices: Float64, found: _Candidate) ->
     axis = int(np.argmax(np.abs(found.plane[:3])))
     if abs(found.plane[axis]) < np.cos(_SNAP_ANGLE):
         return found
-    normal = np.eye(3)[axis]
-    offset = float(np.sign(found.plane[axis]) * found.plane[3])
-    exact = _offset_of_pairs(vertices, axis)
-    for place in (exact, 0.0, offset):  # between mirrored vertices, through the box's center, or at the found offset
-        if place is not None and abs(place - offset) < _SNAP_OFFSET:
-            snapped = _candidate(evidence, np.append(normal, place))
-            if snapped.dissimilarity < found.dissimilarity + _SNAP_LOSS:
-                return snapped
-    return found
+    offset = _offset_of_pairs(vertices, axis)
+    if offset is None:
+        offset = float(np.sign(found.plane[axis]) * found.plane[3])
+    snapped = _candidate(evidence, np.append(np.eye(3)[axis], offset))
+    return snapped if snapped.dissimilarity < found.dissimilarity + _SNAP_LOSS else found
 
 
 def _offset_of_pairs(vertices: Float64, axis: int) -> float | None:

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 import dfd
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry import pair as module
-from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
+from dfd.symmetry.fit import SurfaceSamples, fitted, samples_of
+from dfd.symmetry.pair import mirror_image
 from dfd.symmetry.plane import SymmetryPlane
 
 
@@ -111,9 +112,11 @@ def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
     return SurfaceSamples(points, normals, cKDTree(points), one.size)
 
 
-def test_from_the_true_plane_the_fit_does_not_move(pair):
-    refined = module._refined(pair[0], reflected(pair[0], plane_of()), plane_of().reflection[:3], 0.01)
-    assert error(refined, pair[0]) < 1e-9
+@pytest.mark.parametrize(("angle", "offset"), [(0, 0.8), (4, 0.85), (12, 0.7)])
+def test_the_fit_finds_the_exact_plane_between_exact_mirror_images(pair, angle, offset):
+    start = plane_of(angle, offset)
+    found = fitted(pair[0], reflected(pair[0], plane_of()), np.append(start.normal, start.offset))
+    assert error(module._reflection(found), pair[0]) < 1e-9
 
 
 def test_a_mirror_image_of_another_size_is_none():
@@ -127,28 +130,6 @@ def test_components_must_be_apart_by_a_thousandth_of_their_size(pair, apart, fou
     one, normal = pair[0], np.asarray(plane_of().normal)
     plane = SymmetryPlane(tuple(normal), float(one.points.mean(axis=0) @ normal) + apart * one.size / 2)
     assert (mirror_image(one, reflected(one, plane), None) is not None) == found
-
-
-def test_each_round_finds_the_best_plane_for_its_matches(pair, monkeypatch):
-    one, other = pair
-    monkeypatch.setattr(module, "ROUNDS", 2)  # the start, and the plane of the first round, which fits better
-    start = plane_of(4, 0.85).reflection[:3]
-    refined = module._refined(one, other, start, 9.0)
-    assert refined is not None
-    apart, nearest = other.tree.query(one.points @ start[:, :3].T + start[:, 3])
-    kept = np.argsort(apart)[: int(0.85 * len(apart))]
-    here, there = one.points[kept], other.points[nearest[kept]]
-
-    def error_of(normal: np.ndarray) -> float:
-        unit = normal / np.linalg.norm(normal)
-        offset = unit @ (here.mean(axis=0) + there.mean(axis=0)) / 2
-        moved = here - 2 * np.outer(here @ unit - offset, unit)
-        return float(np.square(moved - there).sum())
-
-    normal = np.linalg.eigh(refined[:, :3])[1][:, 0]  # the eigenvector of the eigenvalue −1
-    least = error_of(normal)
-    for step in 1e-3 * np.concatenate([np.eye(3), -np.eye(3)]):
-        assert error_of(normal + step) >= least
 
 
 def test_the_misfit_is_the_distance_from_tangent_planes_nearby_and_from_samples_elsewhere():

@@ -14,7 +14,8 @@ from dfd.editing.weights.fill import Counterpart
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
-from dfd.symmetry.pair import SurfaceSamples, mirror_image, samples_of
+from dfd.symmetry.fit import SurfaceSamples, samples_of
+from dfd.symmetry.pair import mirror_image
 from dfd.symmetry.plane import SymmetryPlane
 
 # The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
