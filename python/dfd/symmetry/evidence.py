@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, unit
-from dfd.common.normals import face_normals
 from dfd.field.field import Field
 from dfd.geometry.normalization import Normalization, box_normalization
 from dfd.geometry.topology import even_points, face_areas
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import face_normals
 
 POINTS = 2_000  # number of surface samples
 COUNTERPARTS = 6  # number of samples with similar features that are paired with each queried sample
