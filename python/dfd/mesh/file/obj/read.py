@@ -8,11 +8,11 @@ import numpy as np
 
 from dfd.common.colors import ranged
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
-from dfd.common.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.common.text import decoded, encoding_of, shortened
 from dfd.mesh.appearance import WHITE, Material, Wrap
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, parse
+from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.file.shading import FLAT, UNSAID
