@@ -11,10 +11,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.colors import rgba, srgb
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.common.text import UniqueNames, shortened
+from dfd.mesh.colors import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.colors import ranged
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.common.text import decoded, encoding_of, shortened
 from dfd.mesh.appearance import WHITE, Material, Wrap
+from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.colors import ranged
 from dfd.common.edits import Edits, far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.text import decoded, number, numbers, readable_numbers, shortened
 from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.complete import existing_completed
 from dfd.mesh.file.moved import Saving, placed
