@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.edits import SAME
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, nearest_rotations, unit
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.edits import SAME
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.normals import mean_gradients, turned_normals

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.common.edits import COARSE, far_origin
 from dfd.common.linear_algebra import Float64, Int64, UInt8, unit
 from dfd.common.text import UniqueNames
 from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.colors import linear
 from dfd.mesh.file.complete import all_completed
+from dfd.mesh.file.edits import COARSE, far_origin
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.moved import Saving

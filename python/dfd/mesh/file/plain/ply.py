@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.edits import Edits, far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.common.text import decoded, number, numbers, readable_numbers, shortened
 from dfd.mesh.appearance import WHITE, Material
 from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.edits import Edits, far_origin
 from dfd.mesh.file.moved import Saving, placed
 from dfd.mesh.file.polygons import check_corners, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
