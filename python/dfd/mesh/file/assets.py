@@ -11,7 +11,7 @@ from dfd.common.disguise import disguise, is_pointer
 from dfd.common.errors import ArgumentError
 from dfd.common.files import read_regular
 from dfd.common.linear_algebra import UInt8
-from dfd.common.text import shortened
+from dfd.mesh.file.text import shortened
 from dfd.mesh.images import as_texels, read_image
 
 _MOST_LISTED = 10_000  # largest number of entries of a folder that are searched

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.linear_algebra import Float64, Int64, UInt8, unit
-from dfd.common.text import UniqueNames
 from dfd.mesh.appearance import Material, Wrap
 from dfd.mesh.colors import linear
 from dfd.mesh.file.complete import all_completed
@@ -21,6 +20,7 @@ from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import IDENTITY, Geometry, Primitive
+from dfd.mesh.file.text import UniqueNames
 from dfd.mesh.images import as_png
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.common.text import UniqueNames, shortened
 from dfd.mesh.colors import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
@@ -32,6 +31,7 @@ from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.shading import FLAT
+from dfd.mesh.file.text import UniqueNames, shortened
 from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
-from dfd.common.text import decoded, encoding_of, shortened
 from dfd.mesh.appearance import WHITE, Material, Wrap
 from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
@@ -16,6 +15,7 @@ from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulat
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.file.shading import FLAT, UNSAID
+from dfd.mesh.file.text import decoded, encoding_of, shortened
 from dfd.mesh.weld import first_occurrences
 
 _PICTURES = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")  # prefixes of MTL keywords that name an image

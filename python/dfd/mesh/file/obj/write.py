@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from dfd.common.errors import one_line
 from dfd.common.files import read_regular
 from dfd.common.linear_algebra import Float64
-from dfd.common.text import UniqueNames, decoded
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.complete import existing_completed
 from dfd.mesh.file.edits import rows_as_text
@@ -18,6 +17,7 @@ from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.text import UniqueNames, decoded
 from dfd.mesh.images import as_png
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
