@@ -7,10 +7,10 @@ from itertools import islice, takewhile
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from dfd.common.disguise import disguise, is_pointer
 from dfd.common.errors import ArgumentError
 from dfd.common.files import read_regular
 from dfd.common.linear_algebra import UInt8
+from dfd.mesh.file.disguise import disguise, is_pointer
 from dfd.mesh.file.text import shortened
 from dfd.mesh.images import as_texels, read_image
 
