@@ -8,9 +8,9 @@ from scipy.spatial import KDTree
 
 from dfd.common import check
 from dfd.common.linear_algebra import Bool, Float64, Int64, distinct_pairs, group_sums, unit
-from dfd.common.normals import face_normals
 from dfd.geometry.topology import even_points, face_areas, face_components, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import face_normals
 
 FOLD = -0.5  # A face is folded if the cosines between its normal and its neighbors' normals sum to less than this.
 

@@ -7,9 +7,9 @@ import dfd
 from bench.quality.anatomy import RiggedShape
 from bench.quality.measures import session_of
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.common.normals import face_normals
 from dfd.editing.weights.axis_motions import bendable_parts
 from dfd.geometry.topology import first_at_place
+from dfd.mesh.normals import face_normals
 from dfd.posing.transforms import frame_of_normal
 
 MOTION = 0.3  # length of the translation, which is perpendicular to the part's axis, as a fraction of the part's length

@@ -35,10 +35,10 @@ from scipy.spatial import cKDTree
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, principal_directions
 from dfd.common.progress import Stages
 from dfd.common.threads import one_blas_thread, parallel_ranges
-from dfd.common.weld import weld
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
 from dfd.field.component_residuals import apart, boxes_of_components
 from dfd.geometry.topology import are_distinct, face_areas, face_components, sample_surface
+from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
 if TYPE_CHECKING:  # scipy.sparse.linalg loads slowly, so `_factors` loads it on another thread while the encoder runs

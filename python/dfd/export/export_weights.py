@@ -11,10 +11,10 @@ from safetensors.numpy import save as save_safetensors
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
-from dfd.common.text import UniqueNames
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import to_document
 from dfd.editing.shape import blend_of, resting
+from dfd.mesh.file.text import UniqueNames
 
 ENDINGS = (".npz", ".safetensors")
 FORMAT = "dfd-weights"

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfd.common.edits import far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.common.text import UniqueNames
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.key_pose import KeyPose
@@ -15,6 +13,8 @@ from dfd.editing.shape import PosedShape
 from dfd.editing.weights.fill import Band, Column, widest
 from dfd.export.joints import Joint
 from dfd.export.key_poses import posed_edit
+from dfd.mesh.file.edits import far_origin
+from dfd.mesh.file.text import UniqueNames
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane

@@ -14,10 +14,10 @@ from scipy.spatial import cKDTree
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs
-from dfd.common.normals import smooth_normals
 from dfd.geometry.surface_graph import GAPS
 from dfd.geometry.topology import are_distinct, dirty_vertices, face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import smooth_normals
 
 # The sign of the volume decides which side of a piece is outside, if the volume is at least FLAT times area ** 1.5. A
 # ball has 0.094, and a square sheet 0.3 % as thick as it is wide has 0.001. Otherwise, most of the area keeps its side.

@@ -13,12 +13,12 @@ import dfd._core as _core
 from dfd.common import check
 from dfd.common.linear_algebra import Float32, Int32, Int64
 from dfd.common.threads import get_num_threads
-from dfd.common.weld import weld
 from dfd.geometry.normalization import box_normalization
 from dfd.geometry.refine import split_long_edges
 from dfd.geometry.surface_graph import bridges
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
+from dfd.mesh.weld import weld
 
 _SAMPLES = 6_000  # number of vertices of a large mesh at which distances are computed; more hardly reduce the error
 _LONGEST_EDGE = 1.5  # length above which edges are split, divided by the spacing between samples

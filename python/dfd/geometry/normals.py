@@ -3,7 +3,7 @@
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int32
-from dfd.common.normals import smooth_normals
+from dfd.mesh.normals import smooth_normals
 
 
 def updated_normals(normals: Float32, before: Float64, after: Float64, faces: Int32) -> Float32:

@@ -5,10 +5,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common import check
-from dfd.common.normals import face_normals
 from dfd.geometry.normalization import normalization
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import face_normals
 
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:

@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 import dfd._core as _core
 from dfd.common.linear_algebra import Float64, Int32, Int64, distinct_pairs
-from dfd.common.weld import weld
 from dfd.geometry.topology import dirty_vertices, face_sides, face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.weld import weld
 
 # Two lengths, as fractions of the bounding box's diagonal. Points count as equal up to the distance SAME_PLACE. Bridges
 # join components first across the smaller of GAPS, then across the larger. Components that are joined across the

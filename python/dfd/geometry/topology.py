@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import dfd._core as _core
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs
 from dfd.common.threads import get_num_threads
-from dfd.common.weld import weld
+from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:  # `dfd.mesh.mesh` imports all mesh readers, which takes time
     from dfd.mesh.mesh import Mesh

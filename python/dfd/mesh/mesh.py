@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
-from dfd.common.normals import smooth_normals
 from dfd.common.read_only import ReadOnlyArrays
 from dfd.common.shown import Shown
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.normals import smooth_normals
 
 # Importing trimesh takes most of a second, and only conversions need it.
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.common.colors import linear, srgb
 from dfd.common.linear_algebra import Float32, Float64
+from dfd.mesh.colors import linear, srgb
 from dfd.weights.compact import CompactFeatures
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB color of weight 0, and of surfaces without colors

@@ -11,13 +11,13 @@ from PIL import Image
 from scipy.ndimage import uniform_filter
 
 from dfd.common import check
-from dfd.common.colors import linear, srgb
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
-from dfd.common.normals import smooth_normals
 from dfd.common.threads import parallel_ranges
 from dfd.mesh.appearance import blend
+from dfd.mesh.colors import linear, srgb
 from dfd.mesh.mesh import Mesh
+from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.labels import draw_axes, draw_labels, draw_marks
 from dfd.pictures.viewpoint import aim

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Float64, Int32, unit
-from dfd.common.normals import face_normals
 from dfd.geometry.topology import even_points, face_areas
+from dfd.mesh.normals import face_normals
 
 # Figures are from 34 shapes: every fourth of 76 labelled meshes, five of DFD_MESHES and every eighth of 74 rigs.
 SAMPLES = 1000  # number of samples of a surface; with 2000, planes of 7 of 34 shapes differ, with 1000 of 6

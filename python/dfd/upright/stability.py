@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dfd.common.linear_algebra import Float64, Int32, unit
-from dfd.common.normals import face_normals
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import sample_surface
+from dfd.mesh.normals import face_normals
 from dfd.views.cameras import fibonacci_directions
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")

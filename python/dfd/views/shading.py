@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
-from dfd.common.normals import face_normals, smooth_normals
 from dfd.geometry.topology import distinct_faces
 from dfd.mesh.appearance import GRAY, blend
+from dfd.mesh.normals import face_normals, smooth_normals
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import trimesh
 from mesh_files import CORNERS, CUBE, Gltf, checkered, look_of, obj_cube, painted_cube, textured_quad, write
 from PIL import Image
 
-from dfd.common.colors import srgb
 from dfd.mesh.appearance import GRAY, Appearance, Material
+from dfd.mesh.colors import srgb
 from dfd.mesh.mesh import Mesh, load
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)

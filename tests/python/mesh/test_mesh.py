@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE
 
-from dfd.common.normals import smooth_normals
 from dfd.geometry.normals import updated_normals
 from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.normals import smooth_normals
 from dfd.samples import Sample
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.common.normals import smooth_normals
+from dfd.mesh.normals import smooth_normals
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
 

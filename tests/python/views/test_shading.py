@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dfd import Mesh
-from dfd.common.normals import smooth_normals
 from dfd.mesh.appearance import GRAY, Appearance, Material, blend
+from dfd.mesh.normals import smooth_normals
 from dfd.views.cameras import Camera, camera_towards
 from dfd.views.raycast import Scene
 from dfd.views.shading import AMBIENT, DIFFUSE, Shading, facing

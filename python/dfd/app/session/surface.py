@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.messages import Group, MaterialEntry, MeshMessage
-from dfd.common.images import as_image
 from dfd.common.linear_algebra import Bool, Float64, Int32, UInt8
 from dfd.editing.edit import box_center
 from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.images import as_image
 from dfd.mesh.mesh import Mesh
 
 LONGEST_TEXTURE = 4096  # largest number of texels along a side; every graphics card supports it

@@ -7,12 +7,12 @@ from itertools import islice, takewhile
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from dfd.common.disguise import disguise, is_pointer
 from dfd.common.errors import ArgumentError
 from dfd.common.files import read_regular
-from dfd.common.images import as_texels, read_image
 from dfd.common.linear_algebra import UInt8
-from dfd.common.text import shortened
+from dfd.mesh.file.disguise import disguise, is_pointer
+from dfd.mesh.file.text import shortened
+from dfd.mesh.images import as_texels, read_image
 
 _MOST_LISTED = 10_000  # largest number of entries of a folder that are searched
 MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, these need 256 MiB

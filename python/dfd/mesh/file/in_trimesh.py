@@ -7,14 +7,14 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from dfd.common.colors import rgba, srgb
-from dfd.common.images import as_texels
 from dfd.common.linear_algebra import UInt8
 from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.colors import rgba, srgb
 from dfd.mesh.file.assets import MOST_TEXELS
 from dfd.mesh.file.primitives import IDENTITY, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.shading import SMOOTH
+from dfd.mesh.images import as_texels
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.edits import SAME
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, nearest_rotations, unit
-from dfd.common.normals import mean_gradients, turned_normals
-from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.edits import SAME
 from dfd.mesh.file.primitives import IDENTITY, Primitive
 from dfd.mesh.file.scene_file import FileSource, SceneFile
+from dfd.mesh.normals import mean_gradients, turned_normals
+from dfd.mesh.weld import weld
 
 _FLAT = 1e-6  # a transform that loses more of a position than this fraction of the shape's size cannot hold the edit
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float32, Float64, Int64, unit
-from dfd.common.text import shortened
 from dfd.mesh.appearance import Material
+from dfd.mesh.file.text import shortened
 
 MOST_ROWS = 10**8  # largest number of vertices or faces in a scene; a small file with many instances can exceed it
 MOST_PRIMITIVES = 20_000  # largest number of primitives that are read from a glTF file; to read more would take seconds

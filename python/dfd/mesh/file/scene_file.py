@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
-from dfd.common.weld import weld
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.gaps import without_gaps
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place
+from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:
     from dfd.mesh.file.gltf.data import GltfData

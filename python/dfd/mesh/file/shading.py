@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums, unit
-from dfd.common.normals import face_normals
+from dfd.mesh.normals import face_normals
 
 # Smoothing groups of faces: the file says nothing, or the face is flat; the groups of smooth faces are above 0.
 UNSAID, FLAT, SMOOTH = -1, 0, 1

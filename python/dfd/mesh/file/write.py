@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from dfd.common import check
-from dfd.common.edits import COARSE
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.edits import COARSE
 from dfd.mesh.file.formats import ENDINGS, FORMATS
 from dfd.mesh.file.moved import Saving, moved_primitives
 from dfd.mesh.file.scene_file import SceneFile

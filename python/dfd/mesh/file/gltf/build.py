@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.common.colors import linear
-from dfd.common.edits import COARSE, far_origin
-from dfd.common.images import as_png
 from dfd.common.linear_algebra import Float64, Int64, UInt8, unit
-from dfd.common.text import UniqueNames
 from dfd.mesh.appearance import Material, Wrap
+from dfd.mesh.colors import linear
 from dfd.mesh.file.complete import all_completed
+from dfd.mesh.file.edits import COARSE, far_origin
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, Header, join_glb
 from dfd.mesh.file.gltf.materials import WRAPS
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import IDENTITY, Geometry, Primitive
+from dfd.mesh.file.text import UniqueNames
+from dfd.mesh.images import as_png
 
 FLOAT, _ARRAY_BUFFER = 5126, 34962
 LIMITS = {"min": np.min, "max": np.max}

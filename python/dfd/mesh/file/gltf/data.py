@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from dfd.common.distribution import pip_install
 from dfd.common.linear_algebra import UInt8
-from dfd.common.text import shortened
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
@@ -26,6 +25,7 @@ from dfd.mesh.file.gltf.header import (
     whole,
 )
 from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.file.text import shortened
 
 _MOST_DECOMPRESSED = 64  # largest number of decompressed bytes per compressed byte, in all buffer views together
 _SMALL = 2**26  # bytes; the ratio `_MOST_DECOMPRESSED` is checked only above this decompressed size

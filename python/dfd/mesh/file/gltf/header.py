@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeGuard, cast
 import numpy as np
 
 from dfd.common.distribution import pip_install
-from dfd.common.text import shortened
+from dfd.mesh.file.text import shortened
 
 Header = dict[str, Any]
 

@@ -5,12 +5,12 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from dfd.common.colors import srgb
 from dfd.common.linear_algebra import Float64, UInt8
-from dfd.common.text import shortened
 from dfd.mesh.appearance import Material, Wrap
+from dfd.mesh.colors import srgb
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import extension, item
+from dfd.mesh.file.text import shortened
 
 WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.common.edits import far_origin, rounding
 from dfd.common.errors import ArgumentError
-from dfd.common.images import image_format
 from dfd.common.linear_algebra import Float64
+from dfd.mesh.file.edits import far_origin, rounding
 from dfd.mesh.file.gltf.build import GltfBuilder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (
@@ -33,6 +32,7 @@ from dfd.mesh.file.gltf.header import (
 )
 from dfd.mesh.file.moved import Saving, moved_gradients, moved_tangents, turned_displacements
 from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.images import image_format
 
 _UNSIGNED = 5125
 

@@ -11,11 +11,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.colors import rgba, srgb
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64, unit
-from dfd.common.text import UniqueNames, shortened
-from dfd.common.weld import weld
+from dfd.mesh.colors import rgba, srgb
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import (
@@ -33,6 +31,8 @@ from dfd.mesh.file.gltf.materials import Surface, read_surface
 from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.shading import FLAT
+from dfd.mesh.file.text import UniqueNames, shortened
+from dfd.mesh.weld import weld
 
 _STRIP, _FAN = 5, 6
 INSTANCING, _VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"

@@ -8,16 +8,16 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from dfd.common.edits import Edits, rows_as_text
-from dfd.common.images import image_format
 from dfd.common.linear_algebra import Float64, Int32
-from dfd.common.text import decoded
-from dfd.common.weld import weld
 from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name, used_materials
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.file.obj.write import Companions
+from dfd.mesh.file.text import decoded
+from dfd.mesh.images import image_format
+from dfd.mesh.weld import weld
 
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".webp")
 

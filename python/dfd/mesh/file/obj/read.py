@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from dfd.common.colors import ranged
 from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
-from dfd.common.polygons import distinct_rows, long_faces, ranges, triangulate
-from dfd.common.text import decoded, encoding_of, shortened
-from dfd.common.weld import first_occurrences
 from dfd.mesh.appearance import WHITE, Material, Wrap
+from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj.text import ObjText, parse
+from dfd.mesh.file.polygons import distinct_rows, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
 from dfd.mesh.file.shading import FLAT, UNSAID
+from dfd.mesh.file.text import decoded, encoding_of, shortened
+from dfd.mesh.weld import first_occurrences
 
 _PICTURES = (b"map_", b"bump", b"disp", b"decal", b"refl", b"norm")  # prefixes of MTL keywords that name an image
 _NUMBER = rb"\s+[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?=\s)"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfd.common.linear_algebra import Float64, Int64
-from dfd.common.text import decoded, encoding_of, numbers, readable_numbers, shortened
+from dfd.mesh.file.text import decoded, encoding_of, numbers, readable_numbers, shortened
 
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "s", "usemtl", "mtllib")

@@ -7,18 +7,18 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.edits import rows_as_text
 from dfd.common.errors import one_line
 from dfd.common.files import read_regular
-from dfd.common.images import as_png
 from dfd.common.linear_algebra import Float64
-from dfd.common.text import UniqueNames, decoded
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.edits import rows_as_text
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.obj.read import picture_name
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.text import UniqueNames, decoded
+from dfd.mesh.images import as_png
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
 _LONGEST_NAME = 60  # characters; longer names of materials are cut, because file names of textures contain the names

@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dfd.common.colors import ranged
-from dfd.common.edits import Edits, rows_as_text
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.common.polygons import check_corners, long_faces, triangulate
-from dfd.common.text import decoded, numbers, readable_numbers, shortened
+from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.edits import Edits, rows_as_text
 from dfd.mesh.file.moved import Saving
+from dfd.mesh.file.polygons import check_corners, long_faces, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
+from dfd.mesh.file.text import decoded, numbers, readable_numbers, shortened
 
 _COMMENT = re.compile(rb"#[^\r\n]*")
 _KIND = re.compile(r"((?:ST|C|N|4|n)*)OFF")  # the format has a fixed order, which some programs do not keep

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.colors import ranged
-from dfd.common.edits import Edits, far_origin
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.common.polygons import check_corners, long_faces, ranges, triangulate
-from dfd.common.text import decoded, number, numbers, readable_numbers, shortened
 from dfd.mesh.appearance import WHITE, Material
+from dfd.mesh.colors import ranged
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.complete import existing_completed
+from dfd.mesh.file.edits import Edits, far_origin
 from dfd.mesh.file.moved import Saving, placed
+from dfd.mesh.file.polygons import check_corners, long_faces, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
+from dfd.mesh.file.text import decoded, number, numbers, readable_numbers, shortened
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _SPELLED = dict(zip(_CODES, ("char", "uchar", "short", "ushort", "int", "uint", "float", "double"), strict=True))

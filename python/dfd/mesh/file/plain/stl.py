@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.edits import SAME, Edits, rounding, rows_as_text
 from dfd.common.linear_algebra import Float32, Float64, unit
-from dfd.common.text import UniqueNames, decoded, number
 from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.edits import SAME, Edits, rounding, rows_as_text
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 from dfd.mesh.file.scene_file import FileSource, SceneFile
+from dfd.mesh.file.text import UniqueNames, decoded, number
 
 _HEADER = 84  # bytes before the first face of a binary file; the last four hold the number of faces
 _FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
