@@ -198,6 +198,7 @@ def test_every_tick_counts() -> None:
     assert words("table1", [*rows, {"method": "ARAP", "as in the paper, %": 75.0}]) == {"no"}
     ours = [{**row, "as in the paper, %": 50.0} if row["method"] == OURS else row for row in rows]
     assert verdicts("table1", ours)["least share of ticks, %", OURS] == "no"
+    assert words("table1", [row for row in rows if row["method"] != "ARAP"]) == {"not decided"}
 
 
 # --- single rules
