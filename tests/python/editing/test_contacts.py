@@ -7,6 +7,7 @@ from made_tube import straight, tube
 
 import dfd
 from dfd.editing.weights.contacts import Contact, contacts_of, with_hanging
+from dfd.editing.weights.fill import Column, bands_for, filled, whole
 from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
@@ -202,6 +203,25 @@ def test_what_touches_only_the_moved_part_moves_with_it():
         moved = session.vertices - mesh.vertices
         np.testing.assert_allclose(moved[piece == 1, 1], 0.0 if detach else 0.3, atol=1e-6)
         session.remove(handle)
+
+
+def test_a_small_piece_beside_the_border_moves_as_the_surface_that_it_touches():
+    """A mirror touches the body of a car outside the part, in the blend band of a wide pull. A spoiler is farther."""
+    post = straight(2.0, 61, 0.2)
+    mirror, spoiler = (box((0.22, height, 0), (0.1, 0.06, 0.06)) for height in (0.95, 0.1))
+    mesh, piece = joined(post, mirror, spoiler)
+    component = np.where((piece == 0) & (mesh.vertices[:, 1] > 1.0), 0, -1)
+    tip = int(np.where(piece == 0, mesh.vertices[:, 1], -9).argmax())
+    held = hold(mesh, component, tip, mesh.vertices[tip])
+    column = Column(0, held.components[0].counterpart, (whole(held.components[0]),))
+    pull = np.column_stack([np.eye(3), (0.4, 0, 0)])
+    weights = filled([column], [bands_for(column, pull, np.eye(3, 4), mesh)], mesh)[:, 0]
+    beside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.95) < 0.04)]
+    assert 0.05 < beside.min() < beside.max() < 0.95
+    assert beside.min() - 0.02 <= weights[piece == 1].min() <= weights[piece == 1].max() <= beside.max() + 0.02
+    np.testing.assert_array_equal(weights[piece == 2], 0)
+    loose = hold(mesh, component, tip, mesh.vertices[tip], detach=True).components[0]
+    assert not np.isin(loose.vertices, np.flatnonzero(piece == 1)).any()
 
 
 def test_a_large_region_beside_the_part_and_one_that_an_edge_connects_stay():

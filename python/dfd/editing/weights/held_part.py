@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64, unit
-from dfd.editing.weights.contacts import Contacts, contacts_of, joined, with_hanging, with_room
+from dfd.editing.weights.contacts import Contacts, contacts_of, joined, with_following, with_hanging, with_room
 from dfd.editing.weights.counterparts import find_counterparts
 from dfd.editing.weights.fill import LEAST_DEPTH, Component, Counterpart
 from dfd.geometry.coarse import Nodes, Share, nodes_of
@@ -88,11 +88,12 @@ def hold(
         component, counterparts = rank[component], [one for _, one in found]
     contacts: list[Contacts | None] = [None] * len(counterparts)
     own = np.array([vertex]) if region is None else region[component[nodes.of_vertex[region]] == 0]
-    if several_pieces and not detach:
+    attached = several_pieces and not detach
+    if attached:
         held = [np.unique(nodes.of_vertex[own]), *(nodes.of_vertex[[one.vertex]] for one in counterparts[1:])]
         contacts = contacts_of(nodes, component, [each.astype(np.int64) for each in held])
         contacts = with_room(nodes, contacts, own, INSIDE)
-    return HeldPart(_components(nodes, component, own, counterparts, contacts), nodes, component)
+    return HeldPart(_components(nodes, component, own, counterparts, contacts, attached), nodes, component)
 
 
 def _components(
@@ -101,8 +102,12 @@ def _components(
     held: Int64,
     counterparts: Sequence[Counterpart],
     contacts: Sequence[Contacts | None],
+    attached: bool,
 ) -> tuple[Component, ...]:
-    """Return the components of a part. The handle is at the vertices `held` (H,) of the first of them."""
+    """Return the components of a part. The handle is at the vertices `held` (H,) of the first of them.
+
+    If `attached`, small pieces that touch only surface near the part follow this surface.
+    """
     count, surface = len(counterparts), nodes.surface
     row = np.repeat(np.arange(len(component)), np.diff(surface.indptr))
     one, other = component[row], component[surface.indices]
@@ -121,6 +126,9 @@ def _components(
             apart[k] = _distances(surface, surface.indices[edge], half[edge], reach[k])
         apart[k, component == k] = 0.0
     outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
+    if attached:
+        areas = np.bincount(component[inside], nodes.area[inside])
+        apart = np.array([with_following(nodes, component, *each) for each in zip(apart, reach, areas, strict=True)])
     deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
     shares = _shares(apart, component, int(nodes.of_vertex[counterparts[0].vertex]), outward)
     fields, inward = [], INSIDE * deepest
