@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.editing.report import largest_stretch
+from dfd.editing.report import largest_stretch, percent
 from dfd.editing.weights.axis_motions import bendable_parts, level_with_axis
 
 
@@ -87,6 +87,11 @@ def test_where_nothing_moves_it_says_why(deformer, change, warning):
     assert report.moved == 0
     assert report.warning.startswith(warning)
     assert str(report) == report.warning
+
+
+def test_a_share_in_percent_is_0_only_if_it_is_0():
+    told = [percent(0.0), percent(0.007), percent(0.012), percent(0.0163, 1), percent(0.0004, 1)]
+    assert told == ["0 %", "less than 1 %", "1 %", "1.6 %", "less than 0.1 %"]
 
 
 def test_little_is_not_nothing(mesh, field):
