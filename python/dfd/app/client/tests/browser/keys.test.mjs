@@ -1,7 +1,20 @@
 // Keys and the wheel: steps of parts before the click, typed motions, views, the list of undo steps, dropped files.
 import assert from "node:assert/strict";
 
-import { ALIKE, choose, drag, eventually, hold, shot, state, story, test, until, visibleVertex } from "./page.mjs";
+import {
+  ALIKE,
+  choose,
+  drag,
+  eventually,
+  hold,
+  shot,
+  state,
+  still,
+  story,
+  test,
+  until,
+  visibleVertex,
+} from "./page.mjs";
 
 let page;
 
@@ -152,6 +165,7 @@ test("1, 3, 7 look along the axes, 5 makes the view orthographic, and F frames t
   assert.ok((await direction())[2] < -0.999);
   // From the front, the x axis of the compass is 32 pixels to the right of its middle.
   await page.keyboard.press("1");
+  await still(page); // the compass turns with the next picture
   const view = await page.locator("canvas").boundingBox();
   await page.mouse.click(view.x + view.width - 64 + 32, view.y + view.height - 32 - 64);
   await eventually(async () => assert.ok((await direction())[0] > 0.999, "the compass does not turn the view"));
