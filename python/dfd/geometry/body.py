@@ -165,23 +165,26 @@ def _inner_walls(mesh: Mesh, faces: Int32, piece: Int64, areas: Float64) -> Bool
     large = np.flatnonzero(area >= FIN * area.sum())
     order = large[np.argsort(-area[large], kind="stable")]
     order = order[np.isin(order, of_vertex)]
+    if len(order) < 2:
+        return np.zeros(len(faces), bool)
     by_piece = np.argsort(of_vertex, kind="stable")
-    bounds = np.searchsorted(of_vertex[by_piece], [order, order + 1])
-    vertices = [by_piece[start:end] for start, end in bounds.T]
-    boxes = [np.concatenate([f(mesh.vertices[some], axis=0) for f in (np.min, np.max)]) for some in vertices]
+    bounds = np.searchsorted(of_vertex[by_piece], np.stack([order, order + 1], axis=1))
+    vertices = [by_piece[start:end] for start, end in bounds]
+    places = [mesh.vertices[some] for some in vertices]
+    boxes = [np.concatenate([each.min(axis=0), each.max(axis=0)]) for each in places]
     # Covered pieces have nearly the same bounding box.
     pairs = cKDTree(boxes).query_pairs(near, p=np.inf, output_type="ndarray")
     if not len(pairs):
         return np.zeros(len(faces), bool)
-    trees = {number: cKDTree(mesh.vertices[vertices[number]]) for number in np.unique(pairs).tolist()}
+    trees = {number: cKDTree(places[number]) for number in np.unique(pairs).tolist()}
     normals = smooth_normals(mesh.vertices, faces)
 
     def covered(one: int, other: int) -> bool:
         """Return whether the piece `other` covers the piece `one`."""
-        apart, nearest = trees[other].query(mesh.vertices[vertices[one]], distance_upper_bound=near)
+        apart, nearest = trees[other].query(places[one], distance_upper_bound=near)
         close = np.isfinite(apart)
         agree = (normals[vertices[one][close]] * normals[vertices[other][nearest[close]]]).sum(axis=1) > 0
-        return np.count_nonzero(agree) >= COVERED * len(apart)
+        return bool(np.count_nonzero(agree) >= COVERED * len(apart))
 
     inner = [order[max(pair)] for pair in pairs.tolist() if covered(*pair) and covered(*pair[::-1])]
     return np.isin(piece, inner)
