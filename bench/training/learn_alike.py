@@ -34,12 +34,13 @@ from dfd.common.linear_algebra import Bool, Float64
 from dfd.geometry.topology import face_areas
 from dfd.segmentation.alike import CUES, compared
 from dfd.segmentation.choose import candidates
-from dfd.segmentation.regions import all_regions
+from dfd.segmentation.regions import all_regions, measured
 from dfd.segmentation.trees import Trees
 
 SHAPES = 77  # number of generated shapes: seven of each family
 DRAWS = 24  # number of places on each shape
 SAME, OTHER = 0.6, 0.35  # least IoU of a region that is a part of the kind, and largest IoU of one that is none
+COMPARED = 4.0  # pairs of regions whose areas have a larger ratio are no examples
 PENALTY = 1e-5  # factor of the squared norm of the weights
 
 
@@ -86,6 +87,7 @@ def lesson_of_rig(path: Path) -> Lesson:
 def examples(lesson: Lesson, trees: Trees, seed: int) -> Examples:
     """Return pairs of regions of one shape."""
     generator, regions, mesh = np.random.default_rng(seed), all_regions(trees), lesson.mesh
+    measures = measured(trees, regions)
     areas = face_areas(mesh.vertices, mesh.faces)
     areas = areas / areas.sum()
     of_face = np.median(np.sort(trees.patches.of_vertex[mesh.faces], axis=1), axis=1).astype(np.int64)
@@ -103,11 +105,12 @@ def examples(lesson: Lesson, trees: Trees, seed: int) -> Examples:
         fits = _ious(found, parts[part][None], own)[0]
         if fits.max() < SAME:
             continue
-        rows, each, _ = compared(trees, found[fits.argmax()], regions)
+        rows, each = compared(trees, found[fits.argmax()], measures)
         here = np.arange(len(parts)) == part
         best = overlaps[(kinds == kinds[part]) & ~here][:, rows].max(axis=0, initial=0.0)
         unsure = overlaps[(groups == groups[part]) & (kinds != kinds[part])][:, rows].max(axis=0, initial=0.0) > OTHER
         known = (best > SAME) | ((best < OTHER) & ~unsure)
+        known &= each[:, CUES.index("area")] < np.log(COMPARED)
         cues.append(each[known])
         alike.append(best[known] > SAME)
     return Examples(np.concatenate(cues), np.concatenate(alike), lesson.family)

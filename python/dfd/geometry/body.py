@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, distinct_pairs
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, distinct_pairs
 from dfd.geometry.surface_graph import GAPS
 from dfd.geometry.topology import are_distinct, dirty_vertices, face_areas, face_sides, first_at_place
 from dfd.mesh.mesh import Mesh
@@ -24,7 +24,6 @@ from dfd.mesh.normals import smooth_normals
 FLAT = 1e-3
 FIN = 1e-3  # a piece that hangs on an edge of two other faces is no part of the body below this share of the area
 LEAST_PULL = 1e-9  # of a piece to its own place, compared with that of one link
-MOST_RATIO = 4.0  # largest ratio of the areas of two walls
 COVERED = 0.95  # two pieces are two walls of one body if at least this share of the nodes of each is near the other
 
 
@@ -63,7 +62,7 @@ def body_of(mesh: Mesh, links: Int32) -> Body:
         return Body(vertices, chosen, left_out, stands_for)
     areas = face_areas(mesh.vertices, faces)
     loose = _fins(faces, piece, areas)
-    loose |= _inner_walls(mesh, np.where(flipped[:, None], faces[:, ::-1], faces), piece, areas, loose)
+    loose |= _inner_walls(mesh, np.where(flipped[:, None], faces[:, ::-1], faces), piece, areas)
     if loose.any():
         inside = np.zeros(count, bool)
         inside[faces[~loose]] = True
@@ -154,40 +153,38 @@ def _fins(faces: Int32, piece: Int64, areas: Float64) -> Bool:
     return np.isin(piece, piece[hangs]) & small
 
 
-def _inner_walls(mesh: Mesh, faces: Int32, piece: Int64, areas: Float64, loose: Bool) -> Bool:
-    """Return whether each face (F,) belongs to a piece that another, larger piece covers, and that covers this one.
+def _inner_walls(mesh: Mesh, faces: Int32, piece: Int64, areas: Float64) -> Bool:
+    """Return whether each face (F,) belongs to the inner wall of a hollow piece. `faces` (F, 3) look outwards.
 
-    Their distance is at most the smaller of `GAPS`, and their normals agree. `faces` (F, 3) look outwards.
+    Two pieces are the walls of one if each covers the other: `COVERED` of its vertices have a vertex of the other with
+    a similar normal within the smaller of `GAPS`. The inner wall is the one with the smaller area.
     """
-    found, area, near = np.zeros(len(faces), bool), np.bincount(piece, areas), GAPS[0] * mesh.diagonal
-    area[piece[loose]] = 0.0
-    order = np.argsort(-area, kind="stable")
-    order = order[area[order] >= FIN * area.sum()]
-    if not (area[order[1:]] * MOST_RATIO >= area[order[:-1]]).any():
-        return found
-    by_piece = np.argsort(piece, kind="stable")
-    starts = np.searchsorted(piece[by_piece], np.arange(len(area)))
-    corners = mesh.vertices[faces[by_piece]]
-    boxes = np.column_stack(
-        [np.minimum.reduceat(corners.min(axis=1), starts), np.maximum.reduceat(corners.max(axis=1), starts)]
-    )
-    normals: Float32 | None = None
-    for index, small in enumerate(order.tolist()):
-        larger = order[:index]
-        for large in larger[(np.abs(boxes[larger] - boxes[small]) <= near).all(axis=1)].tolist():
-            if normals is None:
-                normals = smooth_normals(mesh.vertices, faces)
-            one, other = (np.unique(faces[piece == number]) for number in (small, large))
-            covers = (_covered(mesh.vertices, normals, *ends, near=near) for ends in ((one, other), (other, one)))
-            if min(covers) >= COVERED:
-                found |= piece == small
-                break
-    return found
+    near, area = GAPS[0] * mesh.diagonal, np.bincount(piece, areas)
+    of_vertex = np.full(len(mesh.vertices), -1)
+    of_vertex[faces] = piece[:, None]
+    large = np.flatnonzero(area >= FIN * area.sum())
+    order = large[np.argsort(-area[large], kind="stable")]
+    order = order[np.isin(order, of_vertex)]
+    if len(order) < 2:
+        return np.zeros(len(faces), bool)
+    by_piece = np.argsort(of_vertex, kind="stable")
+    bounds = np.searchsorted(of_vertex[by_piece], np.stack([order, order + 1], axis=1))
+    vertices = [by_piece[start:end] for start, end in bounds]
+    places = [mesh.vertices[some] for some in vertices]
+    boxes = [np.concatenate([each.min(axis=0), each.max(axis=0)]) for each in places]
+    # Covered pieces have nearly the same bounding box.
+    pairs = cKDTree(boxes).query_pairs(near, p=np.inf, output_type="ndarray")
+    if not len(pairs):
+        return np.zeros(len(faces), bool)
+    trees = {number: cKDTree(places[number]) for number in np.unique(pairs).tolist()}
+    normals = smooth_normals(mesh.vertices, faces)
 
+    def covered(one: int, other: int) -> bool:
+        """Return whether the piece `other` covers the piece `one`."""
+        apart, nearest = trees[other].query(places[one], distance_upper_bound=near)
+        close = np.isfinite(apart)
+        agree = (normals[vertices[one][close]] * normals[vertices[other][nearest[close]]]).sum(axis=1) > 0
+        return bool(np.count_nonzero(agree) >= COVERED * len(apart))
 
-def _covered(vertices: Float64, normals: Float32, one: Int32, other: Int32, *, near: float) -> float:
-    """Return the share of the vertices `one` (N,) that have one of `other` (M,) with a similar normal within `near`."""
-    apart, nearest = cKDTree(vertices[other]).query(vertices[one], distance_upper_bound=near)
-    close = np.isfinite(apart)
-    agree = (normals[one[close]] * normals[other[nearest[close]]]).sum(axis=1) > 0
-    return float(np.count_nonzero(agree)) / len(one)
+    inner = [order[max(pair)] for pair in pairs.tolist() if covered(*pair) and covered(*pair[::-1])]
+    return np.isin(piece, inner)

@@ -14,7 +14,6 @@ from dfd.segmentation.trees import Trees
 HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
 SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
 LEAST_AREA = 0.005  # smallest area of a part in a cut of the whole shape, as a share of the surface
-FINEST = -4  # lowest level of the parts that handles find, if a cut should have more parts
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,8 @@ def cut_labels(trees: Trees, ladders: Ladders, count: int | None = None) -> Int6
     If `count` is given, handles find smaller parts until there are as many, and then the smallest parts join others.
     """
     label = _labels(trees, ladders, 0)
-    for level in range(-1, FINEST - 1, -1):
+    lowest = -max(middle for _, middle in ladders.parts)
+    for level in range(-1, lowest - 1, -1):
         if count is None or len(np.unique(label)) >= count:
             break
         finer = _labels(trees, ladders, level)

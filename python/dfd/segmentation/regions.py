@@ -5,11 +5,11 @@ Lengths have the unit of `Patches`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dfd.common.linear_algebra import Bool, Float64
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.patches import TINY
 from dfd.segmentation.trees import Trees
 
@@ -23,13 +23,17 @@ class Regions:
     border: Float64  # (R,) lengths of the borders
     extents: Float64  # (R, 3) standard deviations of the positions along the principal axes, ascending
     reach: Float64  # (R,) distances from the middle of the border to the middle of the region, 0 without a border
-    mean: Float64  # (R, K) mean `Trees.traits`
-    contrast: Float64  # (R,) distances of `mean` from the mean traits of the patches around the region, 1 if none
+    mean: Float64  # (R, K) mean `Trees.values`
+    contrast: Float64  # (R,) distances of `mean` from the mean values of the patches around the region, 1 if none
+
+    def some(self, rows: Int64) -> Regions:
+        """Return the regions with the indices `rows` (N,)."""
+        return Regions(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 def measured(trees: Trees, inside: Bool) -> Regions:
     """Return the regions `inside` (R, P), and their measures."""
-    patches, traits = trees.patches, trees.traits
+    patches, values = trees.patches, trees.values
     area, center, borders = patches.area[:, None], patches.center, patches.borders
     share = inside @ patches.area
     middle = (inside @ (center * area)) / share[:, None]
@@ -43,7 +47,7 @@ def measured(trees: Trees, inside: Bool) -> Regions:
     border = outer.sum(axis=1)
     rim = (inner + outer) @ center / np.maximum(2 * border, TINY)[:, None]
     around = outer > 0
-    mean, beside = inside @ (traits * area) / share[:, None], around @ (traits * area)
+    mean, beside = inside @ (values * area) / share[:, None], around @ (values * area)
     beside /= np.maximum(around @ area, TINY)
     alone = border == 0
     return Regions(

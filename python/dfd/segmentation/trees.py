@@ -24,13 +24,18 @@ DIMENSIONS = 24
 # DIFFUSION: area over which features are smoothed, as a share of the surface. With half: 0.724, 0.821; with twice:
 # 0.692, 0.804.
 DIFFUSION = 0.005
-CREASE = 0.1  # concavity (`Borders`) of a border, about 6°, that divides the rate of smoothing across the border by e
-STEP = 0.15  # feature distance of two patches that divides the rate of smoothing between them by e
+# Differences of the next four are of the IoU at level 0 and of sets, measured as in `choose`.
+# CREASE: concavity (`Borders`) of a border, about 6°, that divides the rate of smoothing across it by e. Without:
+# −0.025, −0.032.
+CREASE = 0.1
+# STEP: feature distance of two patches that divides the rate of smoothing between them by e. Without: −0.010, −0.022.
+STEP = 0.15
 # ROUNDS: rounds of smoothing; each computes the rates from the features that the previous round smoothed. With 1:
-# 0.720, 0.820.
+# −0.019, −0.014; without smoothing: −0.014, −0.025.
 ROUNDS = 3
 BIAS, CONCAVE = -2.8, 6.0  # the strength of a boundary is the logistic function of BIAS + CONCAVE × concavity
-FEATURES = (0.3, 0.6, 1.2)  # weights of the distance of the regions' mean features, one for each tree
+# FEATURES: weights of the distance of the regions' mean features, one for each tree. With 0.6 alone: −0.014, −0.021.
+FEATURES = (0.3, 0.6, 1.2)
 SMALLEST = 0.001  # smallest area of a region, as a share of the surface
 
 
@@ -45,12 +50,8 @@ class Trees:
     ----------
     links
         (P, P) distances between the centers of neighboring patches.
-    traits
-        (P, D) features of the patches, minus their mean, divided by their standard deviation over the surface.
     values
         (P, K) smoothed features of the patches, divided by their standard deviation over the surface.
-    steps
-        (E,) distance of the `values` of the two patches at each border, at most 1.
     strength
         (E,) strength of the boundary at each border of the patches, in [0, 1].
     inside
@@ -59,51 +60,37 @@ class Trees:
         (T,) whether a region is a thing of the file.
     votes
         (T,) number of trees in which the region is a node, at least 1 for a thing of the file.
-    persistence
-        (T,) how much weaker the boundaries inside a region are than the boundary around it, in [0, 1]; the mean over
-        its trees, 0 if there are none.
     """
 
     def __init__(self, patches: Patches, features: Float64) -> None:
         """Build the trees from `features` (P, D) of the patches."""
         self.patches, self.links = patches, patches.borders.graph(patches.borders.apart)
-        centered = features - patches.area @ features
-        self.traits = centered / max(float(np.sqrt(patches.area @ np.square(centered).sum(axis=1))), TINY)
         smooth = smoothed(patches, features)
         spread = float(np.sqrt(patches.area @ np.square(smooth).sum(axis=1)))  # smoothing keeps the mean, which is 0
         self.values = smooth / max(spread, TINY)
-        one, other = patches.borders.pairs.T
-        self.steps = np.minimum(np.linalg.norm(self.values[one] - self.values[other], axis=1), 1.0)
         self.strength = 1 / (1 + np.exp(-BIAS - CONCAVE * patches.borders.concavity.clip(0.0, 1.0)))
-        found = [self._tree(weight) for weight in FEATURES]
-        inside = np.concatenate([*(nodes[:, patches.orbit] for nodes, _ in found), _regions_of_things(patches)])
-        persistence = np.concatenate([each for _, each in found])
+        of_trees = np.concatenate([self._tree(weight)[:, patches.orbit] for weight in FEATURES])
+        inside = np.concatenate([of_trees, _regions_of_things(patches)])
         bits = np.packbits(inside, axis=1)
         first, which = np.unique(bits.view(f"V{bits.shape[1]}").ravel(), return_index=True, return_inverse=True)[1:]
-        of_trees, count = which[: len(persistence)], len(first)
         self.inside = inside[first]
-        self.own = np.isin(np.arange(count), which[len(persistence) :])
-        trees = np.bincount(of_trees, minlength=count)
-        self.votes = np.maximum(trees, self.own)
-        self.persistence = np.bincount(of_trees, persistence, count) / np.maximum(trees, 1)
+        self.own = np.isin(np.arange(len(first)), which[len(of_trees) :])
+        self.votes = np.maximum(np.bincount(which[: len(of_trees)], minlength=len(first)), self.own)
 
-    def _tree(self, features: float) -> tuple[Bool, Float64]:
-        """Return the orbits (T, L) in each node of a tree, and its persistence, for a weight of the mean features."""
-        children, heights, area = self._merged(features)
+    def _tree(self, features: float) -> Bool:
+        """Return the orbits (T, L) in each node of a tree, for a weight of the mean features."""
+        children, area = self._merged(features)
         leaves = len(area) - len(children)
         size = np.ones(len(area), np.int64)
         for node, (one, other) in enumerate(children, start=leaves):
             size[node] = size[one] + size[other]
         # In the order of a walk through the tree, the leaves of a node are consecutive.
-        start, height = np.zeros(len(size), np.int64), np.concatenate([np.zeros(leaves), heights])
-        limit = height.copy()
+        start = np.zeros(len(size), np.int64)
         for node, (one, other) in reversed(list(enumerate(children, start=leaves))):
             start[one], start[other] = start[node], start[node] + size[one]
-            limit[one] = limit[other] = height[node]
         large = np.flatnonzero(area >= SMALLEST)
         place = start[:leaves] - start[large, None]
-        inside = (place >= 0) & (place < size[large, None])
-        return inside, np.asarray(((limit - height) / np.maximum(limit, TINY))[large], np.float64)
+        return np.asarray((place >= 0) & (place < size[large, None]))
 
     @cached_property
     def areas(self) -> Float64:
@@ -153,11 +140,10 @@ class Trees:
         label = self.labels(inside)
         return [label == number for number in np.unique(label[inside])]
 
-    def _merged(self, features: float) -> tuple[list[list[int]], Float64, Float64]:
-        """Return the children of each inner node, the strength of the boundary between them, and all nodes' areas.
+    def _merged(self, features: float) -> tuple[list[list[int]], Float64]:
+        """Return the children of each inner node, and the areas of all nodes.
 
-        The strengths never decrease. `features` is the weight of the distance of the regions' mean features, beside the
-        strength of the boundary.
+        `features` is the weight of the distance of the regions' mean features, beside the strength of the boundary.
         """
         patches, orbit = self.patches, self.patches.orbit
         leaves = int(orbit.max()) + 1
@@ -175,19 +161,16 @@ class Trees:
         queue = [(cost(one, other), one, other) for one in range(leaves) for other in beside[one] if one < other]
         heapq.heapify(queue)
         children: list[list[int]] = []
-        heights: list[float] = []
         alive = set(range(leaves))
         while len(alive) > 1:
             if not queue:  # components without a link merge last
                 one, other = sorted(alive)[:2]
-                height = heights[-1] if heights else 0.0
             else:
-                height, one, other = heapq.heappop(queue)
+                _, one, other = heapq.heappop(queue)
                 if one not in alive or other not in alive:
                     continue
             new = leaves + len(children)
             children.append([one, other])
-            heights.append(height)
             alive -= {one, other}
             alive.add(new)
             size = sizes[one] + sizes[other]
@@ -202,7 +185,7 @@ class Trees:
                 beside[number][new] = sums
                 heapq.heappush(queue, (cost(number, new), number, new))
             beside[one] = beside[other] = {}
-        return children, np.maximum.accumulate(heights) if heights else np.zeros(0), np.array(sizes)
+        return children, np.array(sizes)
 
     def _boundaries(self, leaves: int) -> list[dict[int, tuple[float, float]]]:
         """Return, for each leaf, its neighbors, each with the length of the boundary and its strength times length."""

@@ -134,7 +134,7 @@ def test_measures_of_regions_are_those_of_their_definition(measures):
     length, ends = patches.borders.length[at_border], patches.borders.pairs[at_border]
     rim = np.average(patches.center[ends].mean(axis=1), axis=0, weights=length)
     around = trees.around(region)
-    mean, outer = (np.average(trees.traits[each], axis=0, weights=patches.area[each]) for each in (region, around))
+    mean, outer = (np.average(trees.values[each], axis=0, weights=patches.area[each]) for each in (region, around))
     assert found.area[0] == pytest.approx(area.sum())
     assert found.border[0] == pytest.approx(length.sum(), rel=1e-5)
     np.testing.assert_allclose(found.extents[0], extents, rtol=1e-6)
@@ -142,7 +142,7 @@ def test_measures_of_regions_are_those_of_their_definition(measures):
     np.testing.assert_allclose(found.mean[0], mean, atol=1e-9)
     assert found.contrast[0] == pytest.approx(np.linalg.norm(mean - outer))
     assert (found.reach[1], found.contrast[1]) == (0, 1), "the whole shape has no surroundings"
-    assert np.sqrt(patches.area @ np.square(trees.traits).sum(axis=1)) == pytest.approx(1)
+    assert np.sqrt(patches.area @ np.square(trees.values).sum(axis=1)) == pytest.approx(1)
 
 
 def test_cues_of_a_pair_are_those_of_their_definition(measures):
@@ -161,29 +161,15 @@ def test_cues_of_a_pair_are_those_of_their_definition(measures):
         assert pair_cues(trees, own, own)[0, CUES.index(name)] == 0
 
 
-def test_regions_are_compared_if_areas_are_similar_and_they_do_not_overlap(measures):
+def test_regions_are_compared_if_they_do_not_overlap(measures):
     trees = measures
-    regions, area = all_regions(trees), trees.patches.area
+    regions = all_regions(trees)
     assert len(np.unique(np.packbits(regions, axis=1), axis=0)) == len(regions)
     own = regions[len(regions) // 2]
-    rows, cues, near = compared(trees, own, regions)
-    similar = np.abs(np.log(regions @ area / (area @ own))) < np.log(4)
-    np.testing.assert_array_equal(rows, np.flatnonzero(similar & ~(regions & own).any(axis=1)))
+    rows, cues = compared(trees, own, measured(trees, regions))
+    np.testing.assert_array_equal(rows, np.flatnonzero(~(regions & own).any(axis=1)))
     one, others = measured(trees, own[None]), measured(trees, regions[rows])
     np.testing.assert_allclose(cues, pair_cues(trees, one, others))
-    np.testing.assert_array_equal(near, np.linalg.norm(one.mean - others.mean, axis=1) < 2**0.5)
-
-
-def test_regions_with_features_of_two_random_points_are_never_alike(measures):
-    with mock.patch.object(module, "_weights", return_value=(20.0, np.zeros(len(CUES)))):
-        alike = Alike(measures)
-        part = alike.regions[len(alike.regions) // 2]
-        rows, _, near = compared(measures, part, alike.regions)
-        found = alike.followers(part)
-    allowed = alike.regions[rows[near]]
-    assert not near.all()
-    assert found
-    assert all((each.region == allowed).all(axis=1).any() for each in found)
 
 
 def test_equal_teeth_of_a_comb_follow_each_other_and_a_short_one_does_not():

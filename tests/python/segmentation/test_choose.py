@@ -24,7 +24,7 @@ def made(sizes, likely, *, things=(), starts=None, votes=None):
     number = np.arange(COUNT)
     first = np.zeros(len(sizes), int) if starts is None else np.asarray(starts)
     regions = (number >= first[:, None]) & (number < (first + sizes)[:, None])
-    cues = np.zeros((len(sizes), 7))
+    cues = np.zeros((len(sizes), 5))
     cues[:, 0] = np.log(likely)
     each = np.ones(len(sizes), np.int64) if votes is None else np.array(votes)
     return Candidates(regions, np.arange(len(sizes)), cues, each, np.isin(np.arange(len(sizes)), things), True)
@@ -32,7 +32,7 @@ def made(sizes, likely, *, things=(), starts=None, votes=None):
 
 @pytest.fixture(autouse=True)
 def first_cue_alone():
-    with mock.patch.object(choose, "_weights", return_value=np.eye(7)[0]):
+    with mock.patch.object(choose, "_weights", return_value=np.eye(5)[0]):
         yield
 
 

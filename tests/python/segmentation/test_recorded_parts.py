@@ -90,9 +90,7 @@ def told(mesh, parts):
         "concavity": np.abs(patches.borders.concavity),
         "links": patches.borders.length == 0,
         "places": np.sort(patches.area)[::100],
-        "steps": trees.steps,
         "strength": trees.strength,
-        "persistence": trees.persistence,
     }.items():
         own[name] = float(values.mean())
     cut = [(each.share, each.components, int(each.mask.sum()), each.vertex) for each in parts.cut()]
