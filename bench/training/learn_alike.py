@@ -105,7 +105,7 @@ def examples(lesson: Lesson, trees: Trees, seed: int) -> Examples:
         fits = _ious(found, parts[part][None], own)[0]
         if fits.max() < SAME:
             continue
-        rows, each = compared(trees, found[fits.argmax()], measures)
+        rows, each, _ = compared(trees, found[fits.argmax()], measures)
         here = np.arange(len(parts)) == part
         best = overlaps[(kinds == kinds[part]) & ~here][:, rows].max(axis=0, initial=0.0)
         unsure = overlaps[(groups == groups[part]) & (kinds != kinds[part])][:, rows].max(axis=0, initial=0.0) > OTHER

@@ -112,9 +112,11 @@ class Parts:
         if not self._has_surface:
             return []
         of_vertex, ladder = self._patches.of_vertex, self._ladder(self._vertex(at))
+        free = ~self.part(at, level).mask  # the border of a part can differ from that of its region
         held, region = np.any(ladder.components(level, "all"), axis=0), ladder.region(level)
         possible = self._alike.followers(region, within=~held | region, least=POSSIBLE)
-        return [int(np.flatnonzero(each.region[of_vertex])[0]) for each in possible]
+        found = [np.flatnonzero(each.region[of_vertex] & free) for each in possible]
+        return [int(each[0]) for each in found if len(each)]
 
     def levels(self, at: Any) -> tuple[int, int]:
         """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""

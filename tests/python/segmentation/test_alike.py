@@ -166,10 +166,11 @@ def test_regions_are_compared_if_they_do_not_overlap(measures):
     regions = all_regions(trees)
     assert len(np.unique(np.packbits(regions, axis=1), axis=0)) == len(regions)
     own = regions[len(regions) // 2]
-    rows, cues = compared(trees, own, measured(trees, regions))
+    rows, cues, near = compared(trees, own, measured(trees, regions))
     np.testing.assert_array_equal(rows, np.flatnonzero(~(regions & own).any(axis=1)))
     one, others = measured(trees, own[None]), measured(trees, regions[rows])
     np.testing.assert_allclose(cues, pair_cues(trees, one, others))
+    np.testing.assert_array_equal(near, np.linalg.norm(one.mean - others.mean, axis=1) < 2**0.5)
 
 
 def test_equal_teeth_of_a_comb_follow_each_other_and_a_short_one_does_not():

@@ -221,7 +221,7 @@ def test_a_field_gives_the_features(chair):
 @pytest.mark.parametrize(
     ("at", "level", "message"),
     [
-        (-1, 0, "Parts.part: `at`"),
+        (-3000, 0, "Parts.part: `at`"),
         ([0.0, np.nan, 0.0], 0, "Parts.part: `at` must be finite"),
         (0, 0.5, "Parts.part: `level` must be a whole number"),
     ],
