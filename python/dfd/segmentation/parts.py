@@ -111,12 +111,13 @@ class Parts:
         """
         if not self._has_surface:
             return []
-        of_vertex, ladder = self._patches.of_vertex, self._ladder(self._vertex(at))
-        free = ~self.part(at, level).mask  # the border of a part can differ from that of its region
+        vertex, of_vertex = self._vertex(at), self._patches.of_vertex
+        ladder = self._ladder(vertex)
         held, region = np.any(ladder.components(level, "all"), axis=0), ladder.region(level)
         possible = self._alike.followers(region, within=~held | region, least=POSSIBLE)
-        found = [np.flatnonzero(each.region[of_vertex] & free) for each in possible]
-        return [int(each[0]) for each in found if len(each)]
+        outside = self._components(vertex, level, "all")[0][self._patches.nodes.of_vertex] < 0  # after borders moved
+        left = [np.flatnonzero(each.region[of_vertex] & outside) for each in possible]
+        return [int(vertices[0]) for vertices in left if len(vertices)]
 
     def levels(self, at: Any) -> tuple[int, int]:
         """Return the lowest and the highest level at a place; both are 0 if there is one part only, or no surface."""
