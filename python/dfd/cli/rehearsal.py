@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dfd.cli.arguments import OF_THE_FIELD, find_place, fixed_place
 from dfd.common import check
 from dfd.common.preset import Preset
-from dfd.posing.transforms import MOTIONS
+from dfd.posing.transforms import MOTIONS, Transform
 
 if TYPE_CHECKING:
-    from dfd.editing.edit import Edit, Handle
     from dfd.mesh.mesh import Mesh
-    from dfd.posing.transforms import Transform
 
 
 class _NeedsFieldError(Exception):
@@ -26,9 +25,6 @@ class _MeshOnly:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-
-    def taken_over(self, _: Edit, handle: Handle) -> Transform:
-        return handle.transform
 
     def __getattr__(self, name: str) -> Any:
         raise _NeedsFieldError(name)
@@ -70,7 +66,8 @@ def check_edit(
         except _NeedsFieldError:
             unmoved = {name: value for name, value in given.items() if name not in MOTIONS}
             added = verbs.add(held, weights, number, at, **unmoved)
-        held = held if named else added
+        if not named:  # at rest, so that the next handle does not take over a motion
+            held = replace(added, handles=tuple(replace(each, transform=Transform()) for each in added.handles))
     still = [fixed_place(text) for text in fix or () if not OF_THE_FIELD.match(text)]
     fixed = [Fixed(find_place("--fix", text, mesh, quiet=True), strength) for text, strength in still]
     Edit(held.handles, tuple(fixed))

@@ -18,6 +18,7 @@ from dfd.common.linear_algebra import Int64
 
 __all__ = [
     "LARGEST",
+    "MOST_OCTAVES",
     "array",
     "bounded",
     "choice",
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 LARGEST = 1e38  # largest absolute value of a number in an edit, because the kernels compute with 32-bit floats
+MOST_OCTAVES = 16  # largest number of octaves of a field, because float32 rounds the angles of higher octaves too much
 
 
 def array(

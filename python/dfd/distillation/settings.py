@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 
 from dfd.common import check
 from dfd.common.preset import Preset
-from dfd.field.architecture import MOST_OCTAVES
 from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
@@ -118,7 +117,7 @@ class DistillSettings(BaseModel):
         paper=0,
         source="public code",
         minimum=0,
-        maximum=MOST_OCTAVES,
+        maximum=check.MOST_OCTAVES,
     )
     width: int = _setting(256, "Number of neurons in each hidden layer.", source="public code", minimum=1, maximum=8192)
     layers: int = _setting(4, "Number of hidden layers of the network.", minimum=1, maximum=64)

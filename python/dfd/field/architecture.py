@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-MOST_OCTAVES = 16  # largest number of octaves, because float32 rounds the angles of higher octaves too much
-
 
 @dataclass(frozen=True)
 class Architecture:
@@ -31,7 +29,7 @@ class Architecture:
         """Check the sizes."""
         for name in ("dimension", "width", "layers"):
             check.whole("Field", name, getattr(self, name), minimum=1)
-        check.whole("Field", "octaves", self.octaves, minimum=0, maximum=MOST_OCTAVES)
+        check.whole("Field", "octaves", self.octaves, minimum=0, maximum=check.MOST_OCTAVES)
 
     @classmethod
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:

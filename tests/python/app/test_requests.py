@@ -145,9 +145,10 @@ def test_levels_end_with_the_smallest_and_the_largest_step(deformer: Deformer) -
 def test_steps_have_the_names_of_scene_parts(tmp_path: Path) -> None:
     """The file has three scene parts: two spheres, a bar and a cone."""
     moved = trimesh.transformations.translation_matrix
-    spheres = [trimesh.creation.icosphere(subdivisions=3, radius=0.8).apply_transform(moved((x, 0, 0))) for x in (0, 4)]
-    bar = trimesh.creation.box((1, 3, 0.6), moved((2, 0, 0))).subdivide().subdivide().subdivide()
-    cone = trimesh.creation.cone(1.2, 5, sections=64, transform=moved((6.5, 0, 0))).subdivide().subdivide()
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
+    spheres = [ball.copy().apply_transform(moved((x, 0, 0))) for x in (-2, 2)]
+    bar = trimesh.creation.box((1, 3, 0.6), moved((0, 0, 0))).subdivide().subdivide().subdivide()
+    cone = trimesh.creation.cone(1.2, 5, sections=64, transform=moved((0, 4, 0))).subdivide().subdivide()
     scene = trimesh.Scene()
     for name, mesh in (("spheres", spheres), ("bar", [bar]), ("cone", [cone])):
         scene.add_geometry(trimesh.util.concatenate(mesh), node_name=name)

@@ -91,7 +91,7 @@ def test_nothing_can_be_undone_before_the_first_edit(new_page: Page) -> None:
 def test_a_handle_is_added_at_the_level_that_the_page_showed(page: Page, deformer: Deformer) -> None:
     vertex = next(each for each in range(0, len(deformer.mesh.vertices), 20) if len(_levels(page, each)) > 2)
     levels = _levels(page, vertex)
-    assert levels == list(range(levels[0], levels[-1] + 1))
+    assert levels == sorted(set(levels))  # levels with one surface are one step
     regions = [deformer.part(vertex, level=level) for level in levels]
     sizes = [len(region.indices) for region in regions]
     assert sizes[0] < sizes[-1]

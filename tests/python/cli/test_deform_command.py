@@ -54,7 +54,7 @@ def test_an_edit_holds_several_handles_and_options_add_to_it(run, chair):
     assert worked(run(*DEFORM, "--edit", "one.json", "--handle", 900, "--symmetry", "z", "--save-edit", "two.json"))
     edit = read_edit("two.json", chair)
     assert [handle.place.vertex for handle in edit.handles] == [40, 900]
-    assert [place.vertex for place in edit.fixed] == [3]
+    assert [fixed.place.vertex for fixed in edit.fixed] == [3]
     assert edit.symmetry.normal == (0, 0, 1)
     assert worked(run(*DEFORM, "--edit", "two.json", "-o", "out.stl"))
     assert Path("out.stl").stat().st_size > 0
