@@ -248,13 +248,12 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     row, beside = np.repeat(np.arange(len(piece)), np.diff(graph.indptr)), graph.indices
     across = (piece[row] != piece[beside]) & nodes.used[row] & nodes.used[beside]
     row, beside = row[across], beside[across]
-    follows = np.bincount(piece, nodes.area) < SMALLER * area
-    follows[piece[(component >= 0) | np.isfinite(away)]] = False
-    follows[piece[row[component[beside] >= 0]]] = False
-    follows[piece[row[component[beside] >= 0]]] = False
-    pulled = np.zeros(len(follows), bool)
+    small = np.bincount(piece, nodes.area) < SMALLER * area
+    small[piece[(component >= 0) | np.isfinite(away)]] = False
+    small[piece[row[component[beside] >= 0]]] = False
+    pulled = np.zeros(len(small), bool)
     pulled[piece[row[away[beside] < reach]]] = True
-    some = np.flatnonzero((follows & pulled)[piece])
+    some = np.flatnonzero((small & pulled)[piece])
     if not len(some):
         return away
     at = np.isin(row, some)
