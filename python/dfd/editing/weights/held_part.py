@@ -269,8 +269,8 @@ def _at_vertices(
     if contacts is not None:
         contacts, touched = contacts.at_vertices(nodes, vertices)
         vertices = np.concatenate([vertices, touched])
-        depth = np.concatenate([depth, np.full(len(touched), np.inf)])
-        shares = np.concatenate([shares, np.ones(len(touched))])
+        depth = np.concatenate([depth, field[contacts.base]])
+        shares = np.concatenate([shares, share[contacts.base]])
     found = {
         "core": Share(core.astype(np.int32), np.ones(len(core), np.float32)),
         "vertices": vertices.astype(np.int32),
