@@ -265,18 +265,25 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     row, beside = row[across], beside[across]
     small = np.bincount(piece, nodes.area) < SMALLER * area
     small[piece[(component >= 0) | np.isfinite(away)]] = False
-    small[piece[row[component[beside] >= 0]]] = False
-    pulled = np.zeros(len(small), bool)
-    pulled[piece[row[away[beside] < reach]]] = True
+    ended = np.zeros(len(small), bool)  # pieces with a border of the part on their own surface
+    edge = np.repeat(np.arange(len(piece)), np.diff(nodes.surface.indptr))
+    ended[piece[edge[(component[edge] >= 0) & (component[nodes.surface.indices] < 0)]]] = True
+    small[piece[row[(component[beside] >= 0) & ~ended[piece[beside]]]]] = False
+    both = small[piece[row]] & small[piece[beside]]
+    group = connected_components(csr_array((both, (piece[row], piece[beside])), shape=(len(small),) * 2))[1]
+    pulled = np.isin(group, group[piece[row[small[piece[row]] & (away[beside] < reach)]]])
     some = np.flatnonzero((small & pulled)[piece])
     if not len(some):
         return away
-    at = np.isin(row, some)
-    place, known = np.searchsorted(some, row[at]), np.minimum(away[beside[at]], reach)
     conductance = nodes.surface[some][:, some]
     conductance.data = 1 / conductance.data
+    spring = 1e3 * float(np.asarray(conductance.sum(axis=1)).max(initial=1.0))
+    among = np.isin(row, some) & np.isin(beside, some)
+    touching = (np.full(among.sum(), spring), np.searchsorted(some, [row[among], beside[among]]))
+    conductance = conductance + csr_array(touching, shape=conductance.shape)
     total = np.asarray(conductance.sum(axis=1)).ravel()
-    spring = 1e3 * total.max(initial=1.0)
+    at = np.isin(row, some) & ~among
+    place, known = np.searchsorted(some, row[at]), np.minimum(away[beside[at]], reach)
     held, values = (spring * np.bincount(place, each, len(some)) for each in (np.ones(len(place)), known))
     result = away.copy()
     result[some] = splu((diags_array(total + held) - conductance).tocsc()).solve(values)
