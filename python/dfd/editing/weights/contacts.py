@@ -262,7 +262,8 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     across = (piece[row] != piece[beside]) & nodes.used[row] & nodes.used[beside]
     row, beside = row[across], beside[across]
     areas = np.bincount(piece, nodes.area)
-    small = areas < SMALLER * max(area, areas[piece[np.isfinite(away)]].max(initial=0.0))
+    most = SMALLER * max(area, areas[piece[np.isfinite(away)]].max(initial=0.0))
+    small = areas < most
     small[piece[(component >= 0) | np.isfinite(away)]] = False
     ended = np.zeros(len(small), bool)  # pieces with a border of the part on their own surface
     edge = np.repeat(np.arange(len(piece)), np.diff(nodes.surface.indptr))
@@ -270,8 +271,11 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     small[piece[row[(component[beside] >= 0) & ~ended[piece[beside]]]]] = False
     both = small[piece[row]] & small[piece[beside]]
     group = connected_components(csr_array((both, (piece[row], piece[beside])), shape=(len(small),) * 2))[1]
-    pulled = np.isin(group, group[piece[row[small[piece[row]] & (away[beside] < reach)]]])
-    some = np.flatnonzero((small & pulled)[piece])
+    pulled = np.zeros(len(small), bool)
+    pulled[piece[row[away[beside] < reach]]] = True
+    pulled &= small
+    chain = np.bincount(group, areas * small) < most
+    some = np.flatnonzero((pulled | (small & (chain & (np.bincount(group, pulled) > 0))[group]))[piece])
     if not len(some):
         return away
     conductance = nodes.surface[some][:, some]
