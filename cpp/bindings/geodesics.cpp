@@ -1,7 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "arrays.hpp"
-#include "dfd/interpolation.hpp"
+#include "dfd/surface/interpolation.hpp"
 #include "dfd/topology.hpp"
 #include "module.hpp"
 
