@@ -43,6 +43,7 @@ def command_line() -> str:
     text = get_docs_for_click(obj=group, ctx=typer.Context(group), name="dfd")
     text = html.unescape(text[text.index("## `dfd ") :])
     text = re.sub(r"```console\n\$ (.*)\n```", r"`\1`", text)
+    text = re.sub(r"^\*\*Usage\*\*:\n\n|^\* `--help`: .*\n", "", text, flags=re.MULTILINE)
     return re.sub(r"^\*\*(\w+)\*\*:$", r"\1:", text, flags=re.MULTILINE)
 
 
