@@ -13,7 +13,7 @@ MAKEFLAGS += --jobs=$(JOBS)
 endif
 
 .PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality \
-  wheel release lowest fuzz sanitize arm64 cross clean
+  wheel release lowest fuzz sanitize arm64 clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -155,13 +155,6 @@ BUILDERS_FIRST = MAKEFLAGS= PATH="$(abspath $(BIN)):$$PATH"
 arm64: $(VENV)/builders
 	$(BUILDERS_FIRST) sh -c \
 	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
-
-# Compiles the core and its tests for macOS and Windows, without running them.
-cross: export DFD_PYTHON = $(abspath $(BIN)/python)
-cross: $(VENV)/builders
-	$(INSTALL) ziglang
-	for preset in macos windows; do $(BUILDERS_FIRST) sh -c \
-	  "cmake --preset $$preset && cmake --build --preset $$preset" || exit 1; done
 
 # The sources of the package: if one changes, the package is built again.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \

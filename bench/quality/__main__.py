@@ -1,5 +1,4 @@
-"""`python -m bench.quality VERB`: measure weights with the module `labelled`, `people`, `alike`, `anatomy`, `borders`,
-`landmarks` or `mirrored`.
+"""`python -m bench.quality VERB`: measure weights with the module that VERB names.
 
 The table has a row for each category of shapes, with the means over its shapes. The last row has means over categories.
 """
@@ -14,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 
 import dfd
-from bench.quality import alike, anatomy, borders, labelled, landmarks, mirrored, people
+from bench.quality import alike, anatomy, labelled, landmarks, mirrored, people
 from bench.tables import to_csv, to_markdown, write_text
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -23,7 +22,6 @@ OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 MEASURES: dict[str, tuple[Any, Any]] = {  # for each verb: the module, and the function that yields its shapes
     "labelled": (labelled, labelled.labelled_shapes),
     "anatomy": (anatomy, anatomy.rigged_shapes),
-    "borders": (borders, anatomy.rigged_shapes),
     "mirrored": (mirrored, mirrored.paired_shapes),
     "landmarks": (landmarks, landmarks.landmark_shapes),
     "people": (people, people.people_shapes),

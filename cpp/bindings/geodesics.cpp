@@ -1,7 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "arrays.hpp"
-#include "dfd/interpolation.hpp"
+#include "dfd/surface/interpolation.hpp"
 #include "dfd/topology.hpp"
 #include "module.hpp"
 
@@ -72,7 +72,6 @@ void init_geodesics(nb::module_& m)
             },
             "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a)
         .def_prop_ro("extent", &dfd::Geodesics::extent, "Approximate largest distance of two connected vertices.")
-        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "Number of surface samples.")
         .def(
             "distances",
             [](const dfd::Geodesics& self, InputVector<std::int64_t> sources, float separate, OutputMatrix<float> out,

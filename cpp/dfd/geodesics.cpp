@@ -196,8 +196,6 @@ Geodesics::~Geodesics() = default;
 
 std::size_t Geodesics::vertex_count() const { return impl_->mesh.vertex_count(); }
 
-std::size_t Geodesics::sample_count() const { return impl_->coarse().vertex_count(); }
-
 double Geodesics::extent() const { return impl_->extent; }
 
 void Geodesics::distances(std::span<const std::int64_t> sources, float separate, Matrix<float> out, int threads) const

@@ -30,7 +30,6 @@ public:
     ~Geodesics();
 
     std::size_t vertex_count() const;
-    std::size_t sample_count() const;
 
     /// Approximately the largest distance between two connected vertices, in units of `vertices`.
     double extent() const;

@@ -22,6 +22,7 @@ from dfd.editing.controls import CONTROLS
 PAGES = Path(__file__).resolve().parents[1]
 MARK = re.compile(r"(^<!-- generated (\w+) -->\n).*?(^<!-- end -->$)", re.MULTILINE | re.DOTALL)
 Schema = dict[str, Any]
+PARTS = ("Place", "Transform", "Controls")  # definitions whose fields others contain
 
 
 def main() -> None:
@@ -43,6 +44,7 @@ def command_line() -> str:
     text = get_docs_for_click(obj=group, ctx=typer.Context(group), name="dfd")
     text = html.unescape(text[text.index("## `dfd ") :])
     text = re.sub(r"```console\n\$ (.*)\n```", r"`\1`", text)
+    text = re.sub(r"^\*\*Usage\*\*:\n\n|^\* `--help`: .*\n", "", text, flags=re.MULTILINE)
     return re.sub(r"^\*\*(\w+)\*\*:$", r"\1:", text, flags=re.MULTILINE)
 
 
@@ -60,7 +62,8 @@ def _first(thing: Any) -> str:
 def edit_file() -> str:
     """Return tables of all objects in an edit file, first the edit itself."""
     schema = dfd.edit_schema()
-    return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
+    own = schema.get("$defs", {})
+    return _object("Edit", schema, own) + "".join(_object(name, each, own) for name, each in own.items())
 
 
 def controls() -> str:
@@ -80,12 +83,20 @@ def distill_settings() -> str:
     return "\n".join(rows) + "\n"
 
 
-def _object(name: str, schema: Schema) -> str:
-    """Return the heading, the description and the table of fields of one definition in the schema."""
+def _object(name: str, schema: Schema, others: dict[str, Schema]) -> str:
+    """Return the heading, the description and the table of fields of one definition in the schema.
+
+    If it has all fields of one of `PARTS`, a row names this definition in place of these fields.
+    """
     text = f"\n## {name}\n\n{_sentence(schema)}\n"
     if fields := schema.get("properties"):
         text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
         required = schema.get("required", ())
+        for part in PARTS:
+            inside = others[part]["properties"]
+            if name != part and inside.items() <= fields.items():
+                fields = {field: about for field, about in fields.items() if field not in inside}
+                text += f"| the fields of [{part}](#{part.lower()}) | | | |\n"
         for field, about in fields.items():
             default = f"`{json.dumps(about['default'], ensure_ascii=False)}`" if "default" in about else ""
             default = "required" if field in required else default if len(default) < 40 else "see its type"

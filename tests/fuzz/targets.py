@@ -160,13 +160,13 @@ def seeds() -> Mapping[str, list[bytes]]:
 
 def damaged_glb(good: bytes) -> Bytes:
     """Draw a GLB file with damaged JSON and correct chunk sizes."""
-    text, data = split_glb(good)
+    text, data = split_glb(good).values()
     return damaged_json(json.loads(text)).map(lambda header: join_glb(to_bytes(header), data or b""))
 
 
 def damaged_data(good: bytes) -> Bytes:
     """Draw a GLB file with valid JSON and damaged binary data, which decoders read."""
-    text, data = split_glb(good)
+    text, data = split_glb(good).values()
     longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
     return longer.map(lambda found: join_glb(text, found))
 

@@ -27,22 +27,7 @@ if TYPE_CHECKING:
 
 OF_THE_FIELD = re.compile(r"\s*(part|piece)@.")  # places that only the features of a field define
 # Formats of other programs, which Blender or another converter can turn into GLB.
-CONVERTIBLE: tuple[str, ...] = (
-    ".fbx",
-    ".usd",
-    ".usda",
-    ".usdc",
-    ".usdz",
-    ".dae",
-    ".blend",
-    ".3ds",
-    ".abc",
-    ".3mf",
-    ".max",
-    ".ma",
-    ".mb",
-)
-CONVERTIBLE += (".c4d", ".step", ".stp", ".iges", ".igs", ".x3d", ".wrl", ".vrm")
+CONVERTIBLE = re.compile(r"\.(fbx|usd[acz]?|dae|blend|3ds|abc|3mf|max|ma|mb|c4d|step|stp|iges|igs|x3d|wrl|vrm)")
 
 
 def open_field(
@@ -73,7 +58,7 @@ def open_mesh(path: Path, stages: Stages | None = None) -> Mesh:
         inside = sorted(each.name for each in path.iterdir() if each.suffix.lower() in MESH_ENDINGS)
         example = f", such as {path / inside[0]}" if inside else ""
         raise ValueError(f"`MESH` must be a file, but {path} is a folder: name one mesh in it{example}")
-    if path.suffix.lower() in CONVERTIBLE:
+    if CONVERTIBLE.fullmatch(path.suffix.lower()):
         advice = "convert it to GLB, for example in Blender (File, Export, glTF 2.0)"
         raise ValueError(f"`MESH` must end in {', '.join(MESH_ENDINGS)}, got {path}: {advice}")
     with nullcontext() if stages is None else stages.stage("read"):

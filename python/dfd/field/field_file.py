@@ -4,12 +4,11 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import safetensors.numpy
 from numpy.typing import NDArray
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 
 from dfd.common.files import write_file
 from dfd.field.architecture import Architecture
@@ -39,11 +38,11 @@ def read(path: str | os.PathLike[str]) -> tuple[Architecture | None, dict[str, N
 
     The architecture of a `VertexField` is None.
     """
-    data = Path(path).read_bytes()
     try:
         try:
-            metadata, arrays = _metadata(data), safetensors.numpy.load(data)
-        except (SafetensorError, KeyError, TypeError, ValueError, RecursionError) as error:
+            with safe_open(path, framework="numpy") as file:
+                metadata, arrays = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except (SafetensorError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"is truncated or not a field: {error}") from error
         architecture, settings = _header(metadata)
     except ValueError as error:
@@ -57,16 +56,6 @@ def with_sorted_header(content: bytes) -> bytes:
     header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()
     header += b" " * (-len(header) % 8)
     return len(header).to_bytes(8, "little") + header + content[end:]
-
-
-def _metadata(content: bytes) -> dict[str, str]:
-    """Return the metadata of a safetensors file."""
-    length = int.from_bytes(content[:8], "little")
-    if length > len(content) - 8:
-        raise ValueError(f"the header has {length:,} bytes, the file {len(content):,}")
-    header = json.loads(content[8 : 8 + length])
-    found = header.get("__metadata__", {}) if isinstance(header, dict) else {}
-    return {name: text for name, text in found.items() if isinstance(text, str)} if isinstance(found, dict) else {}
 
 
 def _header(metadata: Mapping[str, str]) -> tuple[Architecture | None, dict[str, Any]]:

@@ -1,11 +1,8 @@
 """Test the scores for subtrees and for pairs of joints, on boxes with known joints."""
 
 import numpy as np
-import trimesh
 from made_rig import two_legs
 
-import dfd
-from bench.quality import borders
 from bench.quality.mirrored import pairs_of
 
 
@@ -28,14 +25,3 @@ def test_a_pair_is_judged_by_the_mirror_image_of_its_left_side():
     assert foot.error(moved) == 0
     moved[foot.right] = (0.1, 0.2, 0)
     assert np.isclose(foot.error(moved), 0.2 / foot.size)
-
-
-def test_dihedral_angles_are_those_between_the_faces_of_an_edge():
-    box = trimesh.creation.box()
-    mesh = dfd.Mesh(box.vertices, box.faces)
-    edges = borders._edges(mesh)
-    angles = borders._angles(mesh.vertices, mesh, edges)
-    assert len(edges) == 18
-    assert np.allclose(np.sort(angles), [0] * 6 + [90] * 12)
-    flat = mesh.vertices * (1, 1, 0)
-    assert np.isnan(borders._angles(flat, mesh, edges)).any()

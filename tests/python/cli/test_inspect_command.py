@@ -9,7 +9,9 @@ import pytest
 from command_runs import drawn, failed, worked
 from mesh_files import CORNERS, CUBE
 
-from dfd import Mesh
+import dfd
+from dfd import Mesh, SymmetryPlane
+from dfd.cli.inspect import sides_and_ends
 from dfd.pictures.picture import picture
 
 
@@ -71,3 +73,31 @@ def test_inspect_says_what_is_odd(run):
     assert "odd: The surface is open: 3 edges have one face only." in text
     report = json.loads(run("inspect", "open.obj", "--json").stdout)
     assert any("open" in each["what"] for each in report["findings"])
+
+
+X, Y, Z = (SymmetryPlane(normal, 0.0) for normal in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+OBLIQUE = SymmetryPlane((np.sqrt(0.5), 0.0, np.sqrt(0.5)), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("planes", "up", "found"),
+    [
+        ([X], (0, 1, 0), (0, 2)),
+        ([Z, Y], (0, 1, 0), (2, 0)),  # a plane that lies flat says nothing
+        ([X], (0, 0, 1), (0, 1)),
+        ([X, Z], (0, 1, 0), None),
+        ([OBLIQUE], (0, 1, 0), None),
+        ([Y], (0, 1, 0), None),
+        ([], (0, 1, 0), None),
+    ],
+)
+def test_sides_and_ends_come_from_the_only_upright_plane(planes, up, found):
+    assert sides_and_ends(planes, np.array(up, float)) == found
+
+
+def test_inspect_names_the_words_for_the_sides_and_the_ends(run, monkeypatch):
+    monkeypatch.setattr(dfd, "symmetry_planes", lambda mesh, field: [Z], raising=False)
+    said = run("inspect", "MESH", "--field", "FIELD", "--up", "file").stdout.splitlines()[-1]
+    assert said == "sides, by the upright symmetry plane: `front` and `back`; ends: `left` and `right`"
+    report = json.loads(run("inspect", "MESH", "--field", "FIELD", "--up", "file", "--json").stdout)
+    assert (report["sides"], report["ends"]) == ("z", "x")

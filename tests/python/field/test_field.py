@@ -230,5 +230,5 @@ def test_a_file_that_is_cut_short_is_refused_once(field: Field, tmp_path: Path) 
     path = tmp_path / "a.safetensors"
     field.save(path)
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(ValueError, match=r"is truncated or not a field: the header has [\d,]+ bytes, the file 100$"):
+    with pytest.raises(ValueError, match="is truncated or not a field: .*header length"):
         Field.load(path)

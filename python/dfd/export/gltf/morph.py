@@ -12,7 +12,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.gltf.scene_space import bring_to_scene, stand_alone
+from dfd.export.gltf.scene_space import bring_to_scene
 from dfd.export.rig import Rig
 from dfd.mesh.file.gltf.header import Header, objects
 from dfd.mesh.file.moved import moved_normals
@@ -95,7 +95,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
         if isinstance(extras, dict):
             extras["targetNames"] = list(targets.names)  # Blender, three.js and others read names from here
         objects(document.header, "nodes")[node].pop("weights", None)
-        nodes.append(stand_alone(document, node) if flat else node)
+        nodes.append(document.stand_alone(node) if flat else node)
     return nodes
 
 

@@ -7,17 +7,8 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
 from dfd.export.gltf.document import GltfDocument
-from dfd.mesh.file.gltf.header import MODES_READ, Header, objects, parents
+from dfd.mesh.file.gltf.header import MODES_READ, Header
 from dfd.mesh.file.gltf.read import triangles
-
-_TRANSFORM = ("matrix", "translation", "rotation", "scale")
-
-
-def animated_nodes(header: Header) -> set[object]:
-    """Return the nodes that animations of the file translate, rotate or scale."""
-    channels = (each for animation in objects(header, "animations") for each in objects(animation, "channels"))
-    targets = (channel.get("target") for channel in channels)
-    return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
 
 
 def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> None:
@@ -47,48 +38,6 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
                 target[name] = done[key]
         if np.linalg.det(transform[:3, :3]) < 0:
             _reverse_corners(document, node, number, primitive)
-
-
-def stand_alone(document: GltfDocument, node: int) -> int:
-    """Make a root node without a transform display the mesh of `node`, and return the index of the root node.
-
-    The root node is `node` itself, or a new node if children, a camera, an extension or an animation use `node`.
-    """
-    header = document.header
-    content = header["nodes"][node]
-    transform_is_used = bool(
-        content.get("children") or content.keys() & {"camera", "extensions"} or node in animated_nodes(header)
-    )
-    roots = _roots(header)
-    if transform_is_used:
-        moved: Header = {"mesh": content.pop("mesh")}
-        if "weights" in content:
-            moved["weights"] = content.pop("weights")
-        if "name" in content:
-            moved["name"] = content["name"]
-        node = document.append("nodes", moved)
-    else:
-        for name in _TRANSFORM:
-            content.pop(name, None)
-        for parent in header["nodes"]:
-            if node in parent.get("children", []):
-                parent["children"].remove(node)
-                if not parent["children"]:  # the format allows no empty lists
-                    del parent["children"]
-    if node not in roots:
-        roots.append(node)
-    return node
-
-
-def _roots(header: Header) -> list[int]:
-    """Return the displayed scene's list of root nodes. Add a scene if the header has none."""
-    if not objects(header, "scenes"):
-        below = parents(header)
-        header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
-        header["scene"] = 0
-    header.setdefault("scene", 0)
-    scene = header["scenes"][header["scene"]]
-    return scene.setdefault("nodes", [])
 
 
 def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64:

@@ -8,10 +8,10 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int64
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
+from dfd.export.gltf.scene_space import bring_to_scene
 from dfd.export.rig import Rig
 from dfd.export.skinning import Skin
-from dfd.mesh.file.gltf.header import Header, objects, parents
+from dfd.mesh.file.gltf.header import Header, animated_nodes, objects, parents
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 
@@ -70,7 +70,7 @@ def add_skin(document: GltfDocument, rig: Rig, skin: Skin) -> list[int]:
         bring_to_scene(document, node, shift @ primitives[0].transform)
         _weigh(document, node, primitives, skin, rig)
     for node in document.parts():
-        document.header["nodes"][stand_alone(document, node)]["skin"] = number
+        document.header["nodes"][document.stand_alone(node)]["skin"] = number
     document.header["scenes"][document.header["scene"]]["nodes"].append(joints[0])
     return joints
 

@@ -1,4 +1,4 @@
-"""Access to the materials, images and buffers that a mesh file references."""
+"""Access to the materials, images and buffers that a mesh file references, and files that are not what they seem."""
 
 from __future__ import annotations
 
@@ -10,12 +10,26 @@ from urllib.parse import unquote
 from dfd.common.errors import ArgumentError
 from dfd.common.files import read_regular
 from dfd.common.linear_algebra import UInt8
-from dfd.mesh.file.disguise import disguise, is_pointer
 from dfd.mesh.file.text import shortened
 from dfd.mesh.images import as_texels, read_image
 
 _MOST_LISTED = 10_000  # largest number of entries of a folder that are searched
 MOST_TEXELS = 2**26  # largest total number of texels in the images of a file; as RGBA, these need 256 MiB
+
+_LFS = b"version https://git-lfs"
+_DISGUISES = {  # by the first bytes of a file
+    _LFS: "a Git LFS pointer, which `git lfs pull` replaces by the file",
+    **dict.fromkeys((b"\xff\xfe", b"\xfe\xff"), "text in the encoding UTF-16; convert it to UTF-8"),
+    **dict.fromkeys((b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd"), "compressed data; decompress it first"),
+    **dict.fromkeys((b"PK\x03\x04", b"Rar!", b"7z\xbc\xaf"), "an archive, such as a ZIP file; unpack it first"),
+    **dict.fromkeys((b"<!doctype", b"<html", b"<head"), "an HTML page, as after a failed download"),
+    **dict.fromkeys((b"<?xml", b"<"), "XML text"),
+    **dict.fromkeys((b"\x89png", b"\xff\xd8\xff", b"gif8"), "a picture"),
+    b"%pdf": "a PDF document",
+    b"kaydara fbx": "an FBX file",
+    b"blender": "a Blender file",
+}
+_MESHES = {b"gltf": ".glb", b"ply": ".ply", b"solid": ".stl", b"off": ".off", b"{": ".gltf"}  # by the first letters
 
 
 class AssetFolder:
@@ -65,7 +79,7 @@ class AssetFolder:
         if not path.exists():
             return None
         data = read_regular(path)
-        if is_pointer(data):
+        if data.startswith(_LFS):
             raise ArgumentError("path", f"names {shortened(name)}, which is {disguise(data, '')}")
         return data
 
@@ -138,3 +152,16 @@ def _listed(folder: Path) -> list[Path]:
         return sorted(islice(folder.iterdir(), _MOST_LISTED))
     except OSError:
         return []
+
+
+def disguise(data: bytes, ending: str) -> str | None:
+    """Return what a file that is no mesh of the format `ending` seems to be; None if its first bytes do not tell."""
+    begin = data[:64]
+    if len(begin) > 8 and any(begin[1::2]) != any(begin[::2]):
+        begin = b"\xff\xfe"  # every other byte of UTF-16 text is 0
+    start = begin.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    for mark, what in _DISGUISES.items():
+        if begin.startswith(mark) or start.startswith(mark.lower()):
+            return what
+    other = next((each for mark, each in _MESHES.items() if start.startswith(mark)), ending)
+    return None if {ending, other} in ({ending}, {".glb", ".gltf"}) else f"content of the format {other[1:].upper()}"

@@ -5,21 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfd.common.linear_algebra import Bool, Float64, Int64, group_sums, unit
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.moved import Saving
 from dfd.mesh.file.primitives import Geometry, MeshInstance, Primitive, place
 from dfd.mesh.file.shading import SMOOTH, UNSAID, corner_normals
+from dfd.mesh.normals import smooth_normals
 
 
 def existing_completed(saving: Saving) -> Saving:
-    """Give a normal to each vertex whose normal is missing, in the primitives that have normals.
-
-    At edges, the normal is the mean of the normals of both sides, because a vertex stays one vertex.
-    """
-    if not any(each.normals is not None and _missing(each).any() for each in saving.moved):
+    """Give the smooth normal of its vertex to each row whose normal is missing, in the primitives that have normals."""
+    rows = [_missing(each) if each.normals is not None else np.zeros(0, bool) for each in saving.moved]
+    if not any(missing.any() for missing in rows):
         return saving
-    group, normals = corner_normals(saving.vertices, saving.faces, _smoothing(saving.moved))
-    return replace(saving, moved=[_averaged(each, _groups(each, group), normals) for each in saving.moved])
+    normals, vertex = smooth_normals(saving.vertices, saving.faces).astype(np.float64), saving.file.vertex
+    moved = zip(saving.moved, rows, strict=True)
+    return replace(saving, moved=[_with_normals(each, some, normals[vertex[each.rows]]) for each, some in moved])
 
 
 def all_completed(saving: Saving) -> tuple[list[Primitive], Int64]:
@@ -93,15 +93,6 @@ def _split(faces: Int64, group: Int64, count: int) -> tuple[Int64, Int64, Int64]
     groups = np.full(count + int(further.sum()), -1)
     groups[number] = of_pair - 1
     return np.concatenate([np.arange(count), row[further]]), number[corner.reshape(faces.shape)], groups
-
-
-def _averaged(each: Primitive, group: Int64, normals: Float64) -> Primitive:
-    """Return a primitive in which each missing normal is the mean of the normals of the row's corners."""
-    missing = _missing(each)
-    if each.normals is None or not missing.any():
-        return each
-    faces = each.geometry.faces.ravel()
-    return _with_normals(each, missing, unit(group_sums(faces, normals[group.ravel()], len(missing))))
 
 
 def _with_normals(each: Primitive, missing: Bool, found: Float64) -> Primitive:

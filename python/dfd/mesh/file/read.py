@@ -8,8 +8,7 @@ from pathlib import Path
 from dfd.common import check
 from dfd.common.errors import ArgumentError, one_line
 from dfd.common.files import read_regular
-from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.disguise import disguise
+from dfd.mesh.file.assets import AssetFolder, disguise
 from dfd.mesh.file.formats import FORMATS
 from dfd.mesh.file.scene_file import SceneFile
 

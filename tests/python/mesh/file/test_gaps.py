@@ -72,6 +72,20 @@ def test_normals_of_an_artist_survive_a_face_without_normals(tmp_path: Path) -> 
     assert np.allclose(normals[1], (0, 0, 1), atol=1e-6)
 
 
+def test_a_missing_normal_is_smooth_in_a_ply_file(tmp_path: Path) -> None:
+    load(write(tmp_path / "a.obj", obj_with_normals(7))).save(tmp_path / "a.ply")
+    mesh = load(tmp_path / "a.ply")
+    assert mesh.scene is not None
+    (each,) = mesh.scene.primitives
+    assert each.normals is not None
+    outwards = np.abs(each.normals) @ np.ones(3)
+    assert np.allclose(np.linalg.norm(each.normals, axis=1), 1, atol=1e-6)
+    filled = ~np.isclose(outwards, 1, atol=1e-6)  # at a corner of the cube, no smooth normal is along an axis
+    assert filled.sum() == 3
+    centers = each.vertices - CORNERS.mean(axis=0)
+    assert (np.einsum("nk,nk->n", each.normals, centers)[filled] > 0).all()
+
+
 def colored(ending: str) -> str | bytes:
     """A red cube whose last vertex, or last face, has no color."""
     rows = [f"{place} {RED}" for place in places()]

@@ -88,7 +88,7 @@ def read(data: bytes) -> Contents:
 
     Raises ValueError if the file is cut off, or if the header is inconsistent or needs an unknown extension or version.
     """
-    chunks = _split_glb(data) if data.startswith(_MAGIC) else {_JSON_CHUNK: data.removeprefix(codecs.BOM_UTF8)}
+    chunks = split_glb(data) if data.startswith(_MAGIC) else {_JSON_CHUNK: data.removeprefix(codecs.BOM_UTF8)}
     header = _parsed(chunks.pop(_JSON_CHUNK))
     if not isinstance(header, dict):
         raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
@@ -118,13 +118,7 @@ def _parsed(text: bytes) -> object:
         raise ValueError(f"its JSON text is damaged at {place}") from None
 
 
-def split_glb(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the JSON text of a GLB file, and its data chunk; the chunk is None if the file has none."""
-    chunks = _split_glb(data)
-    return chunks[_JSON_CHUNK], chunks.get(DATA_CHUNK)
-
-
-def _split_glb(data: bytes) -> dict[int, bytes]:
+def split_glb(data: bytes) -> dict[int, bytes]:
     """Return the chunks of a GLB file by their kinds, the JSON text first."""
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
@@ -210,6 +204,13 @@ def parents(header: Header) -> dict[int, int]:
     """Return the parent of each child node, by the index of the child."""
     nodes = enumerate(objects(header, "nodes"))
     return {child: index for index, node in nodes for child in node.get("children", [])}
+
+
+def animated_nodes(header: Header) -> set[object]:
+    """Return the nodes that animations of the file translate, rotate or scale."""
+    channels = (each for animation in objects(header, "animations") for each in objects(animation, "channels"))
+    targets = (channel.get("target") for channel in channels)
+    return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
 
 
 def primitives(mesh: Header) -> list[tuple[int, Header]]:

@@ -24,11 +24,13 @@ from dfd.mesh.file.gltf.header import (
     DRACO,
     MESHOPT,
     Header,
+    animated_nodes,
     drop_attribute,
     drop_extension,
     extension,
     is_index,
     objects,
+    parents,
 )
 from dfd.mesh.file.moved import Saving, moved_gradients, moved_tangents, turned_displacements
 from dfd.mesh.file.primitives import Primitive
@@ -77,7 +79,10 @@ def _encoded(patch: "GltfPatch", source: GltfData, moved: Sequence[Primitive], *
         primitives = patch.header["meshes"][own]["primitives"]
         origin = None
         if group[0].baked:
-            patch.move_to_root(node, group[0])
+            if keeps_origin(source, group[0]):
+                why = f"must leave part {group[0].part!r:.60} in place, because its skin or its node flattens it"
+                raise ArgumentError("vertices", f"{why}, and its file cannot store another shape", "Mesh.save")
+            patch.stand_alone(node)
         elif not keeps_origin(source, group[0]):
             origin = far_origin(np.concatenate([each.vertices for each in group]))
         if origin is not None:
@@ -152,26 +157,32 @@ class GltfPatch(GltfBuilder):
             below["name"] = content["name"]
         content.setdefault("children", []).append(self.append("nodes", below))
 
-    def move_to_root(self, node: int, first: Primitive) -> None:
-        """Move the mesh of a node to a new root node without a transform."""
-        if keeps_origin(self.source, first):
-            why = f"must leave part {first.part!r:.60} in place, because its skin or its node flattens it"
-            raise ArgumentError("vertices", f"{why}, and its file cannot store another shape", "Mesh.save")
+    def stand_alone(self, node: int) -> int:
+        """Make a root node without a transform display the mesh of `node`, and return the index of the root node.
+
+        It is `node` itself, or a new node if children, a camera, an extension or an animation use `node`.
+        """
         header = self.header
-        content = header["nodes"][node]
-        if content.keys() & {"children", "camera", "extensions"} or header.get("animations"):
-            below = {name: content.pop(name) for name in ("mesh", "name") if name in content}
-            node = self.append("nodes", below)
-        for name in ("matrix", "translation", "rotation", "scale"):
-            header["nodes"][node].pop(name, None)
-        for parent in objects(header, "nodes"):
-            if node in parent.get("children", []):
-                parent["children"].remove(node)
-                if not parent["children"]:  # the format allows no empty lists
-                    del parent["children"]
-        if objects(header, "scenes"):
-            roots = header["scenes"][header.get("scene", 0)].setdefault("nodes", [])
-            roots += [node] if node not in roots else []
+        content, nodes = header["nodes"][node], objects(header, "nodes")
+        if not objects(header, "scenes"):
+            below = parents(header)
+            header["scenes"] = [{"nodes": [index for index in range(len(nodes)) if index not in below]}]
+            header["scene"] = 0
+        roots = header["scenes"][header.setdefault("scene", 0)].setdefault("nodes", [])
+        if content.get("children") or content.keys() & {"camera", "extensions"} or node in animated_nodes(header):
+            named = {"name": content["name"]} if "name" in content else {}
+            moved = {name: content.pop(name) for name in ("mesh", "weights") if name in content}
+            node = self.append("nodes", moved | named)
+        else:
+            for name in ("matrix", "translation", "rotation", "scale"):
+                content.pop(name, None)
+            for parent in nodes:
+                if node in parent.get("children", []):
+                    parent["children"].remove(node)
+                    if not parent["children"]:  # the format allows no empty lists
+                        del parent["children"]
+        roots += [node] if node not in roots else []
+        return node
 
     def move(self, node: int, primitive: dict[str, Any], each: Primitive, origin: Float64 | None = None) -> None:
         """Give a primitive the normals and positions of `each`. Positions are stored relative to `origin` (3,)."""

@@ -8,16 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.errors import one_line
-from dfd.common.files import read_regular
 from dfd.common.linear_algebra import Float64
 from dfd.mesh.appearance import GRAY, Material
 from dfd.mesh.file.complete import existing_completed
 from dfd.mesh.file.edits import rows_as_text
 from dfd.mesh.file.moved import Saving
-from dfd.mesh.file.obj.read import picture_name
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.file.text import UniqueNames, decoded
+from dfd.mesh.file.text import UniqueNames
 from dfd.mesh.images import as_png
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # characters that some systems do not allow in file names
@@ -75,19 +73,14 @@ def _encode_scene(target: Path, vertices: Float64, scene: SceneFile, moved: Sequ
 
 
 class Companions:
-    """The files that are written next to an OBJ file; unrelated files are never overwritten.
-
-    An existing file with other content is overwritten only if its name begins with the stem of the OBJ file `target`,
-    and an older OBJ file at `target` uses it as its MTL file or as a texture of its MTL file.
-    """
+    """The files that are written next to an OBJ file; no existing file with other content is overwritten."""
 
     def __init__(self, target: Path) -> None:
         self.files: dict[str, bytes] = {}
         self._target = target
-        self._own = _own_files(target)
 
     def add(self, name: str, data: bytes) -> str:
-        """Add a file and return its name, with a number appended if an unrelated file has that name."""
+        """Add a file and return its name, with a number appended if a file with other content has that name."""
         path, number = PurePosixPath(name), 1
         while not self._is_free(name, data):
             number += 1
@@ -105,25 +98,9 @@ class Companions:
         if name in self.files:
             return self.files[name] == data
         path = self._target.with_name(name)
-        if name in self._own or not (path.exists() or path.is_symlink()):
+        if not (path.exists() or path.is_symlink()):
             return True
         return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
-
-
-def _own_files(target: Path) -> set[str]:
-    """Return the names of an old OBJ file's MTL files and textures, if they begin with the stem of `target`."""
-    mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
-    found = set()
-    try:
-        for library in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_regular(target), re.MULTILINE):
-            name = decoded(library).strip()
-            if mine.fullmatch(name) and name.endswith(".mtl"):
-                found.add(name)
-                lines = read_regular(target.with_name(name)).splitlines()
-                found |= {each for line in lines if mine.fullmatch(each := decoded(picture_name(line)))}
-    except (OSError, ValueError):
-        pass
-    return {name for name in found if "/" not in name and "\\" not in name}
 
 
 class _MaterialLibrary:

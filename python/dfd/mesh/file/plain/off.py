@@ -333,13 +333,9 @@ def rewrite(saving: Saving) -> tuple[dict[str, bytes], Float64]:
         values = after[rows]
         if column == 0 and old.columns.scale is not None:
             values = values * old.vertices[rows, old.columns.scale, None]
-        word = old.first[rows] + column
-        spans = np.stack([old.text.starts[word], old.text.ends[word + 2]], axis=1)
-        if (np.diff(old.text.lines[word[:, None] + np.arange(3)], axis=1) != 0).any():  # keep the line breaks
-            parts = word[:, None] + np.arange(3)
-            spans = np.stack([old.text.starts[parts], old.text.ends[parts]], axis=-1).reshape(-1, 2)
-            values = values.reshape(-1, 1)
-        edits.replace(spans, rows_as_text(values))
+        words = old.first[rows, None] + column + np.arange(3)
+        spans = np.stack([old.text.starts[words], old.text.ends[words]], axis=-1)
+        edits.replace(spans, rows_as_text(values.reshape(-1, 1)))
     return {saving.target.name: edits.result()}, np.zeros(0)
 
 

@@ -1,4 +1,4 @@
-#include "dfd/interpolation.hpp"
+#include "dfd/surface/interpolation.hpp"
 
 #include "dfd/common/parallel.hpp"
 #include "dfd/common/require.hpp"
