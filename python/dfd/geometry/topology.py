@@ -89,12 +89,6 @@ def first_at_place(mesh: Mesh) -> Int32:
     return _FIRST[mesh]
 
 
-def distinct_faces(mesh: Mesh) -> Int32:
-    """Return the faces (F, 3) of a mesh without copies: faces with the corners of an earlier face, in any order."""
-    first = are_distinct(first_at_place(mesh)[mesh.faces])
-    return mesh.faces if first.all() else mesh.faces[first]
-
-
 def dirty_vertices(faces: Int32, count: int) -> Bool:
     """Return which of `count` vertices lie on a border of the surface, or on an edge of faces with different sides.
 

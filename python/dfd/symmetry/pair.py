@@ -22,11 +22,10 @@ def isometry(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[Symmet
     well, as from one wheel, slat or plank to the next.
     """
     for plane in planes or ():
-        given = np.append(plane.normal, plane.offset)
-        misfit = _misfit(one, other, _reflection(given))
+        misfit = _misfit(one, other, plane.reflection)
         if misfit <= SHAPE_FIT:
-            better = _improved(one, other, given) if misfit > PAIR_FIT else (misfit, _reflection(given))
-            return min(better, (misfit, _reflection(given)), key=lambda each: each[0])[1]
+            better = _improved(one, other, plane) if misfit > PAIR_FIT else (misfit, plane)
+            return min(better, (misfit, plane), key=lambda each: each[0])[1].reflection[:3]
     if planes is not None:
         return None
     between = one.points.mean(axis=0) - other.points.mean(axis=0)
@@ -34,28 +33,22 @@ def isometry(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[Symmet
         return None
     normal = between / np.linalg.norm(between)
     middle = (one.points.mean(axis=0) + other.points.mean(axis=0)) / 2
-    misfit, found = _improved(one, other, np.append(normal, normal @ middle))
+    misfit, found = _improved(one, other, SymmetryPlane(tuple(normal), normal @ middle))
     shift = np.column_stack([np.eye(3), -between])
     shifted = _misfit(one, other, shift)
-    least, best = (shifted, shift) if shifted <= LEAST_GAIN * misfit else (misfit, found)
+    least, best = (shifted, shift) if shifted <= LEAST_GAIN * misfit else (misfit, found.reflection[:3])
     return best if least <= PAIR_FIT else None
 
 
-def _improved(one: SurfaceSamples, other: SurfaceSamples, plane: Float64) -> tuple[float, Float64]:
-    """Return the misfit and the reflection (3, 4) of the plane near `plane` that fits best."""
-    found = _reflection(fitted(one, other, plane))
-    return _misfit(one, other, found), found
-
-
-def _reflection(plane: Float64) -> Float64:
-    """Return the reflection (3, 4) in a plane (4,)."""
-    normal, offset = plane[:3], plane[3]
-    return np.column_stack([np.eye(3) - 2 * np.outer(normal, normal), 2 * offset * normal])
+def _improved(one: SurfaceSamples, other: SurfaceSamples, plane: SymmetryPlane) -> tuple[float, SymmetryPlane]:
+    """Return the misfit and the plane near `plane` that fits best."""
+    found = fitted(one, other, plane)
+    return _misfit(one, other, found.reflection), found
 
 
 def _misfit(one: SurfaceSamples, other: SurfaceSamples, affine: Float64) -> float:
-    """Return the larger RMS distance between `one`, moved by `affine` (3, 4), and `other`, in sizes of `one`."""
-    linear, shift = affine[:, :3], affine[:, 3]
+    """Return the larger RMS distance between `one`, moved by `affine` (3 or 4, 4), and `other`, in sizes of `one`."""
+    linear, shift = affine[:3, :3], affine[:3, 3]
     there, back = one.points @ linear.T + shift, (other.points - shift) @ linear
     return max(_rms(there, other.tree.query(there), other), _rms(back, one.tree.query(back), one)) / one.size
 

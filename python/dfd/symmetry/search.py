@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from dfd.common import check
-from dfd.common.linear_algebra import Float64, principal_directions
+from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, surface_features
-from dfd.symmetry.fit import fitted, mirrored
-from dfd.symmetry.plane import DEFAULT_BAND, SymmetryPlane
-from dfd.views.cameras import fibonacci_directions
+from dfd.symmetry.fit import fitted_planes
+from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane
 
-_SCORED_VERTICES = 4_000  # largest number of vertices for a score; the standard error is below 1 %
-_AT_ONCE = 50_000  # number of vertices whose features are in memory together
-RELATIVE_THRESHOLD = 0.25  # largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`)
+# Largest number of vertices for a score, and of vertices whose features are in memory together. The standard error of a
+# score is below 1 %.
+_SCORED_VERTICES = 4_000
+# Largest dissimilarity of a mirror plane (`SurfaceFeatures.dissimilarity`). With 0.2, 3 of 34 shapes lose a plane; with
+# 0.3, 1 of them gets one more.
+RELATIVE_THRESHOLD = 0.25
 # A plane is not returned if its dissimilarity is above WORSE_THAN_BEST times that of the best plane. For example, a
 # figure's left and right are so similar that the plane between its front and back is not returned. Without the rule, 6
 # of 52 shapes get other planes.
 WORSE_THAN_BEST = 3.0
-# Number of directions of candidate planes, beside coordinate axes and principal axes. With 16, the plane of 1 of 34
-# shapes (`dfd.symmetry.fit`) differs by more than half a degree.
-_DIRECTIONS = 8
-_SAME_ANGLE = np.radians(20.0)  # of planes with a smaller angle, only the one with the least dissimilarity is kept
+# Of planes with a smaller angle, only the one with the least dissimilarity is kept. With 10° or 40°, planes of 34
+# shapes stay the same.
+_SAME_ANGLE = np.radians(20.0)
 # A plane is made perpendicular to a coordinate axis if its angle changes by less than _SNAP_ANGLE, and its
-# dissimilarity rises by less than _SNAP_LOSS. With 1.5°, the knight of DFD_MESHES keeps a plane that is 2° off.
+# dissimilarity rises by less than _SNAP_LOSS. With 1.5°, the knight of DFD_MESHES keeps a plane that is 2° off;
+# with 6°, planes of 2 of 34 shapes differ. With a loss of 0, 1 of them differs; with 0.02, none.
 _SNAP_ANGLE, _SNAP_LOSS = np.radians(3.0), 0.01
 # Largest rounding error of exactly mirrored vertices, in normalized coordinates. Without pairs of such vertices, planes
 # of 52 shapes change by less than half a degree and 0.5 %, but are not exact.
@@ -88,74 +90,56 @@ def symmetry_planes(
     return [plane for plane in planes if plane.relative_score <= most]
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    plane: Float64  # (4,) unit normal and offset, in the normalized coordinates of `dfd.symmetry.evidence`
-    dissimilarity: float  # see `SurfaceFeatures.dissimilarity`
-
-
 def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
     """Return the candidates of `symmetry_planes` with their scores, sorted by ascending `relative_score`."""
     evidence = surface_features(field, mesh)
     if evidence is None:
         return []
     if candidates == "axes":
-        found = [_candidate(evidence, np.append(normal, 0.0)) for normal in np.eye(3)]  # through the center of the box
+        found = [_compared(evidence, SymmetryPlane(normal, 0.0)) for normal in AXES.values()]
     else:
-        distinct = _distinct([_candidate(evidence, plane) for plane in _fitted_planes(evidence)])
-        fitting = [each for each in distinct if each.dissimilarity < 1]
+        distinct = _distinct([_compared(evidence, plane) for plane in fitted_planes(evidence.samples, np.zeros(3))])
         vertices = evidence.frame.apply(mesh.vertices)
-        found = [_snapped(evidence, vertices, each) for each in fitting]
-    found.sort(key=lambda each: each.dissimilarity)
-    planes = [_in_mesh_units(each.plane, evidence) for each in found]
+        found = [_snapped(evidence, vertices, plane) for plane in distinct if plane.relative_score < 1]
+    found.sort(key=lambda plane: plane.relative_score)
+    planes = [_in_mesh_units(plane, evidence) for plane in found]
     vertices = mesh.vertices
     if candidates != "axes":  # for "axes", all vertices are used, as in the paper
         vertices = vertices[:: -(-len(vertices) // _SCORED_VERTICES)]
     totals = np.zeros(len(planes))
-    for some in np.array_split(vertices, -(-len(vertices) // _AT_ONCE)):
+    for some in np.array_split(vertices, -(-len(vertices) // _SCORED_VERTICES)):
         features = field(some)
         totals += [np.linalg.norm(features - field(plane.reflect(some)), axis=1).sum() for plane in planes]
-    return [
-        replace(plane, score=float(total / len(vertices)), relative_score=each.dissimilarity)
-        for plane, total, each in zip(planes, totals, found, strict=True)
-    ]
+    return [replace(plane, score=float(total / len(vertices))) for plane, total in zip(planes, totals, strict=True)]
 
 
-def _candidate(evidence: SurfaceFeatures, plane: Float64) -> _Candidate:
-    return _Candidate(plane, evidence.dissimilarity(mirrored(evidence.samples.points, plane)))
+# In the following functions, planes are in the normalized coordinates of `dfd.symmetry.evidence`.
 
 
-def _fitted_planes(evidence: SurfaceFeatures) -> Float64:
-    """Return candidate mirror planes (K, 4): planes in many directions, each fitted to the surface."""
-    samples = evidence.samples
-    middle = samples.points.mean(axis=0)
-    axes = principal_directions(samples.points - middle)
-    spread = fibonacci_directions(2 * _DIRECTIONS)[:_DIRECTIONS] @ axes
-    normals = np.concatenate([np.eye(3), axes, spread])
-    planes = np.column_stack([normals, normals @ middle])
-    planes[:3, 3] = 0.0  # planes perpendicular to coordinate axes pass through the center of the box
-    return np.array([fitted(samples, samples, plane) for plane in planes])
+def _compared(evidence: SurfaceFeatures, plane: SymmetryPlane) -> SymmetryPlane:
+    """Return the plane with its `relative_score`."""
+    return replace(plane, relative_score=evidence.dissimilarity(plane.reflect(evidence.samples.points)))
 
 
-def _distinct(candidates: list[_Candidate]) -> list[_Candidate]:
-    """Return the candidates by ascending dissimilarity, without those nearly parallel to a better one."""
-    kept: list[_Candidate] = []
-    for each in sorted(candidates, key=lambda each: each.dissimilarity):
-        if all(abs(each.plane[:3] @ other.plane[:3]) < np.cos(_SAME_ANGLE) for other in kept):
+def _distinct(planes: list[SymmetryPlane]) -> list[SymmetryPlane]:
+    """Return the planes by ascending `relative_score`, without those nearly parallel to a better one."""
+    kept: list[SymmetryPlane] = []
+    for each in sorted(planes, key=lambda plane: plane.relative_score):
+        if all(abs(np.dot(each.normal, other.normal)) < np.cos(_SAME_ANGLE) for other in kept):
             kept.append(each)
     return kept
 
 
-def _snapped(evidence: SurfaceFeatures, vertices: Float64, found: _Candidate) -> _Candidate:
-    """Return a plane near `found` and perpendicular to an axis if its dissimilarity is hardly larger, else `found`."""
-    axis = int(np.argmax(np.abs(found.plane[:3])))
-    if abs(found.plane[axis]) < np.cos(_SNAP_ANGLE):
+def _snapped(evidence: SurfaceFeatures, vertices: Float64, found: SymmetryPlane) -> SymmetryPlane:
+    """Return a plane near `found` and perpendicular to an axis if it maps the surface hardly worse, else `found`."""
+    axis = int(np.argmax(np.abs(found.normal)))
+    if abs(found.normal[axis]) < np.cos(_SNAP_ANGLE):
         return found
     offset = _offset_of_pairs(vertices, axis)
     if offset is None:
-        offset = float(np.sign(found.plane[axis]) * found.plane[3])
-    snapped = _candidate(evidence, np.append(np.eye(3)[axis], offset))
-    return snapped if snapped.dissimilarity < found.dissimilarity + _SNAP_LOSS else found
+        offset = float(np.sign(found.normal[axis]) * found.offset)
+    snapped = _compared(evidence, SymmetryPlane(list(AXES.values())[axis], offset))
+    return snapped if snapped.relative_score < found.relative_score + _SNAP_LOSS else found
 
 
 def _offset_of_pairs(vertices: Float64, axis: int) -> float | None:
@@ -174,12 +158,11 @@ def _offset_of_pairs(vertices: Float64, axis: int) -> float | None:
     return float(np.median((along[starts] + along[starts + sizes - 1])[paired])) / 2
 
 
-def _in_mesh_units(plane: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
-    """Return the plane (4,) in mesh units. The component of its normal with the largest magnitude is positive."""
-    plane = plane * np.sign(plane[np.argmax(np.abs(plane[:3]))])
-    normal = plane[:3] + 0.0  # turns −0 into 0
+def _in_mesh_units(plane: SymmetryPlane, evidence: SurfaceFeatures) -> SymmetryPlane:
+    """Return the plane in mesh units. The component of its normal with the largest magnitude is positive."""
+    sign = np.sign(max(plane.normal, key=abs))
+    normal = sign * np.asarray(plane.normal) + 0.0  # turns −0 into 0
     half = 1.0 / evidence.frame.scale
-    offset = float(plane[3] * half + normal @ evidence.frame.center)
+    offset = float(sign * plane.offset * half + normal @ evidence.frame.center)
     offset = 0.0 if abs(offset) < 1e-12 * half else offset  # removes the rounding error of a plane through the origin
-    band = DEFAULT_BAND * 2 * half
-    return SymmetryPlane((float(normal[0]), float(normal[1]), float(normal[2])), offset, band=band)
+    return replace(plane, normal=tuple(normal), offset=offset, band=DEFAULT_BAND * 2 * half)

@@ -3,17 +3,15 @@
 Stability and base are from Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008).
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dfd.common.linear_algebra import Float64, Int32, unit
-from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import sample_surface
 from dfd.mesh.normals import face_normals
-from dfd.views.cameras import fibonacci_directions
+from dfd.symmetry.fit import SurfaceSamples, fitted_planes
+from dfd.symmetry.plane import SymmetryPlane
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # number of surface samples
@@ -23,10 +21,8 @@ FACES_UP = 0.9  # a normal faces up if its cosine with up is larger than this
 ALIGNED = 1.25  # an axis of the file is a mirror normal if its error is at most this times the smallest error
 LEAST_ERROR = 0.004  # `mirror_error` of an exact mirror plane, which is above 0 because samples are random
 LEAST_HEIGHT = 1e-6  # smallest divisor of heights, as a fraction of the box's diagonal; flat shapes have height 0
-DIRECTIONS = 200  # number of candidate normals of mirror planes, over half of the sphere
 RESTS = 4  # largest number of stable poses that become candidates for up
 _NEARLY_PARALLEL = np.cos(np.radians(8))  # cosine of 8°; directions at a smaller angle are nearly parallel
-_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # steps of the search for the exact normal of a plane, in radians
 
 
 class StabilityCues:
@@ -73,30 +69,17 @@ class StabilityCues:
 
         The mirror plane has the normal `normal` (3,) and passes through the mean of the surface samples.
         """
-        self._measure([normal])
-        return self._mirror_errors[_key(normal)]
-
-    def _measure(self, normals: Iterable[Float64]) -> None:
-        """Compute and keep the `mirror_error` of `normals`, each (3,), in one parallel query."""
-        new = [normal for normal in normals if _key(normal) not in self._mirror_errors]
-        if not new:
-            return
-        offsets = self._reflected - self.middle
-        images = [self._reflected - 2 * (offsets @ normal)[:, None] * normal for normal in new]
-        workers = get_num_threads() if len(new) > 1 else 1
-        distances = self._tree.query(np.concatenate(images), workers=workers)[0].reshape(len(new), -1)
-        for normal, of_images in zip(new, distances, strict=True):
-            self._mirror_errors[_key(normal)] = float(of_images.mean()) / self.diagonal
+        key = tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))  # equal for `normal` and −`normal`
+        if key not in self._mirror_errors:
+            images = SymmetryPlane(tuple(normal), normal @ self.middle).reflect(self._reflected)
+            self._mirror_errors[key] = float(self._tree.query(images)[0].mean()) / self.diagonal
+        return self._mirror_errors[key]
 
     def mirror_normal(self) -> Float64:
         """Return the unit normal (3,) of the plane with the smallest mirror error."""
-        spread = self.points - self.middle
-        around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
-        # Principal axes are candidates, because the normal of an exact mirror plane is one of them.
-        candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
-        self._measure(candidates)
-        ranked = sorted(candidates, key=self.mirror_error)[:3]
-        return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
+        samples = SurfaceSamples(self.points, self.normals, self._tree, self.diagonal)
+        planes = fitted_planes(samples, (self.hull.min(axis=0) + self.hull.max(axis=0)) / 2)
+        return min((np.array(plane.normal) for plane in planes), key=self.mirror_error)
 
     def stable_ups(self, frame: Float64) -> Float64:
         """Return the up directions (K, 3) of at most `RESTS` stable poses, no two of them nearly parallel.
@@ -111,19 +94,6 @@ class StabilityCues:
             if len(kept) < RESTS and all(abs(up @ other) < _NEARLY_PARALLEL for other in kept):
                 kept.append(up)
         return np.stack(kept) @ plane
-
-    def _refined(self, normal: Float64) -> Float64:
-        """Return a unit normal (3,) near `normal` with a locally smallest mirror error."""
-        for step in _SHRINKING:
-            for _ in range(3):
-                one = _across(normal)
-                other = np.cross(normal, one)
-                around = [normal, *(normal + step * side for side in (one, -one, other, -other))]
-                best = min((each / np.linalg.norm(each) for each in around), key=self.mirror_error)
-                if np.allclose(best, normal):
-                    break
-                normal = best
-        return normal
 
     def frame(self) -> Float64:
         """Return the axes (3, 3) of the shape, in rows.
@@ -143,11 +113,6 @@ class StabilityCues:
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
         up, _ = best @ np.stack([one, other])
         return np.stack([normal, up, np.cross(normal, up)])
-
-
-def _key(normal: Float64) -> tuple[float, ...]:
-    """Return a key of a plane, which is equal for `normal` and −`normal`."""
-    return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
 def _resting_ups(outline: Float64, middle: Float64) -> list[Float64]:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
-from dfd.geometry.topology import distinct_faces
+from dfd.geometry.body import body_of
+from dfd.geometry.surface_graph import seam_links
+from dfd.geometry.topology import are_distinct, first_at_place
 from dfd.mesh.appearance import GRAY, blend
 from dfd.mesh.normals import face_normals, smooth_normals
 from dfd.views.raycast import Hits, Scene
@@ -91,9 +93,10 @@ class Shading:
 
 
 def _normals(mesh: Mesh) -> Float32:
-    """Return the unit normals (V, 3) of vertices, to which copies of faces add nothing."""
-    faces = distinct_faces(mesh)
-    return mesh.normals if faces is mesh.faces else smooth_normals(mesh.vertices, faces)[mesh.representative]
+    """Return the unit normals (V, 3) of vertices. Copies of faces add nothing, whichever side the first copy has."""
+    if are_distinct(first_at_place(mesh)[mesh.faces]).all():
+        return mesh.normals
+    return smooth_normals(mesh.vertices, body_of(mesh, seam_links(mesh)).faces)[mesh.representative]
 
 
 def facing(

@@ -75,6 +75,11 @@ def with_doubled_faces(vertices, faces, random):
     return vertices, np.concatenate([faces, some, some[:, ::-1]]), np.arange(len(vertices)), 0.0
 
 
+def with_reversed_copies_first(vertices, faces, random):
+    some = faces[random.choice(len(faces), len(faces) // 3, replace=False), ::-1]
+    return vertices, np.concatenate([some, faces]), np.arange(len(vertices)), 0.0
+
+
 def with_unused_vertices(vertices, faces, random):
     more = random.uniform(vertices.min(axis=0), vertices.max(axis=0), (500, 3))
     return np.concatenate([vertices, more]), faces, np.append(np.arange(len(vertices)), np.zeros(500, int)), 0.0
@@ -147,6 +152,7 @@ def with_fins(vertices, faces, random):
         renumbered,
         with_faces_in_another_order,
         with_doubled_faces,
+        with_reversed_copies_first,
         with_unused_vertices,
         with_split_seams,
         scaled,

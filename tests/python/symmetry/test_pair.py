@@ -118,8 +118,8 @@ def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
 @pytest.mark.parametrize(("angle", "offset"), [(0, 0.8), (4, 0.85), (12, 0.7)])
 def test_the_fit_finds_the_exact_plane_between_exact_isometrys(pair, angle, offset):
     start = plane_of(angle, offset)
-    found = fitted(pair[0], reflected(pair[0], plane_of()), np.append(start.normal, start.offset))
-    assert error(module._reflection(found), pair[0]) < 1e-9
+    found = fitted(pair[0], reflected(pair[0], plane_of()), start)
+    assert error(found.reflection[:3], pair[0]) < 1e-9
 
 
 def test_a_isometry_of_another_size_is_none():

@@ -89,8 +89,7 @@ def test_the_planes_of_the_paper_stay_available() -> None:
 
 
 def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "_SCORED_VERTICES", 10)
-    monkeypatch.setattr(search, "_AT_ONCE", 100)
+    monkeypatch.setattr(search, "_SCORED_VERTICES", 100)
     field, mesh = FoldedField(mirror_x), creature()
     for plane in dfd.symmetry_planes(mesh, field, threshold=9.0, candidates="axes"):
         apart = np.linalg.norm(field(mesh.vertices) - field(plane.reflect(mesh.vertices)), axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE, Gltf, write
 
+import dfd
 from dfd.mesh.mesh import load
 from dfd.views.render import render
 
@@ -46,3 +47,11 @@ def test_copies_change_no_picture(ending: str, apart: bool, tmp_path: Path) -> N
     (once, points), (both, points_of_both) = pictures
     assert np.array_equal(once, both)
     assert np.array_equal(points, points_of_both)
+
+
+def test_reversed_copies_before_some_faces_change_no_picture() -> None:
+    mesh = dfd.samples.quadruped(4000).mesh
+    some = mesh.faces[np.random.default_rng(0).random(len(mesh.faces)) < 1 / 3, ::-1]
+    twice = dfd.Mesh(mesh.vertices, np.concatenate([some, mesh.faces]))
+    once, both = (render(each, views=2, resolution=96).images.astype(int) for each in (mesh, twice))
+    assert np.abs(once - both).max() <= 1  # level of brightness, by rounding
