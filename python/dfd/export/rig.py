@@ -12,7 +12,7 @@ from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
 from dfd.editing.weights.fill import Band, Column, widest
 from dfd.export.joints import Joint
-from dfd.export.key_poses import posed_edit
+from dfd.export.key_poses import Step, posed_edit
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.text import UniqueNames
 from dfd.mesh.mesh import Mesh
@@ -60,8 +60,9 @@ class Rig:
     def moments(self) -> Iterator[tuple[str, Edit]]:
         """Yield the name and the edit of each pose: first the present edit, then each key pose."""
         yield "the edit", self.edit
-        for number, pose in enumerate(self.poses, 1):
-            yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
+        for number, pose in enumerate(self.poses):
+            passed = sum(isinstance(each, Step) for each in self.poses[:number])
+            yield pose.name or f"key pose {number + 1 - passed}", posed_edit(self.edit, pose)
 
     def posed(self, edit: Edit) -> Float64:
         """Return the result (V, 3) of `dfd.pose` for `edit`, which differs from the rig's edit only in transforms."""
