@@ -8,6 +8,7 @@ or displacements. Where a handle turns or bends by more than `STEP`, files have 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def between(one: Transform, other: Transform, share: float) -> Transform:
 
     A pose takes a missing pivot or axes, and without a bend also the joint, from the other one.
     """
-    mixed = {
+    mixed: dict[str, Any] = {
         name: (1 - share) * np.asarray(getattr(one, name)) + share * np.asarray(getattr(other, name))
         for name in ("translation", "rotation", "scale", "bend", "twist")
     }

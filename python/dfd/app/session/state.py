@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol import messages
-from dfd.app.session.marks import fitted, marks_of
+from dfd.app.session.marks import marks_of
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.steps import Steps
 from dfd.common.linear_algebra import Float32, Float64
@@ -40,6 +40,7 @@ class Editing:
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
         self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
+        self.fitted: tuple[Edit | None, str | None] = None, None  # the edit of the newest fit, and its warning
         self.unreported = False  # whether the report of the edit must still be sent
         self.pointed: tuple[int, int] | None = None  # the vertex and level of the latest probe, until `exact_probe`
         self.suggesting = False  # whether suggestions were asked for
@@ -151,7 +152,7 @@ class Editing:
                 for pose in deformer.edit.poses
             ),
             marks=marks_of(deformer),
-            fitted=fitted(deformer.edit),
+            fitted=self.fitted[1] if self.fitted[0] is deformer.edit else None,
             can_undo=self.history.done > 0,
             can_redo=self.history.done < len(steps),
             steps=steps,

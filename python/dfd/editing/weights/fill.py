@@ -176,6 +176,11 @@ class Column:
         return self.portions[0].component if len(self.portions) == 1 else None
 
     @property
+    def vertex(self) -> int:
+        """Return the vertex of the counterpart on the component that the column moves."""
+        return (self.counterpart if self.component is None else self.component.counterpart).vertex
+
+    @property
     def banded(self) -> bool:
         """Return whether some weights depend on the motion."""
         return any(each.component is not None for each in self.portions)
