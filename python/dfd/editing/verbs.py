@@ -93,9 +93,9 @@ def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transfor
     if len(moving) > 1:
         before = [column for column in weights.plan(edit) if column.handle in moving]
     else:
-        before = weights.columns_of(edit, moving[0], edit.handles[moving[0]], split=True)
+        before = weights.columns_of(edit, edit.handles[moving[0]])
     with_new = replace(edit, handles=(*edit.handles, handle))
-    own = weights.columns_of(with_new, len(edit.handles), handle, split=True)[0]
+    own = weights.columns_of(with_new, handle)[0]
     return taken_over(edit, handle, weights.rows.anchor(handle.place), own, before, weights.mesh)
 
 

@@ -57,8 +57,8 @@ def with_steps(poses: Sequence[KeyPose]) -> Iterator[KeyPose]:
         yield before
         rest = Transform()
         ends = {
-            handle: [one.transforms.get(handle, rest) for one in (before, pose)]
-            for handle in before.transforms | pose.transforms
+            handle: (before.transforms.get(handle, rest), pose.transforms.get(handle, rest))
+            for handle in {**before.transforms, **pose.transforms}
         }
         turned = max((_angle(*both) for both in ends.values()), default=0.0)
         count = min(int(np.ceil(turned / STEP - 1e-9)), MOST_STEPS)

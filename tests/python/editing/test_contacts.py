@@ -7,7 +7,7 @@ from made_tube import straight, tube
 
 import dfd
 from dfd.editing.weights.contacts import Contact, contacts_of, with_hanging
-from dfd.editing.weights.fill import Column, bands_for, filled, whole
+from dfd.editing.weights.fill import band_for, filled, whole
 from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
@@ -213,9 +213,9 @@ def test_a_small_piece_beside_the_border_moves_as_the_surface_that_it_touches():
     component = np.where((piece == 0) & (mesh.vertices[:, 1] > 1.0), 0, -1)
     tip = int(np.where(piece == 0, mesh.vertices[:, 1], -9).argmax())
     held = hold(mesh, component, tip, mesh.vertices[tip])
-    column = Column(0, held.components[0].counterpart, (whole(held.components[0]),))
+    column = whole(0, held.components[0])
     pull = np.column_stack([np.eye(3), (0.4, 0, 0)])
-    weights = filled([column], [bands_for(column, pull, np.eye(3, 4), mesh)], mesh)[:, 0]
+    weights = filled([column], [band_for(column, pull, np.eye(3, 4), mesh)], mesh)[:, 0]
     beside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.95) < 0.04)]
     assert 0.05 < beside.min() < beside.max() < 0.95
     assert beside.min() - 0.02 <= weights[piece == 1].min() <= weights[piece == 1].max() <= beside.max() + 0.02

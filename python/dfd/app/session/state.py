@@ -47,7 +47,7 @@ class Editing:
         self.suggested: tuple[messages.Suggestion, ...] | None = None  # None until they are found
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
-        self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
+        self._bands: list[Band] = []  # the blend bands of the columns that the page has
         self._edit: Edit | None = None  # the edit for which the bands were compared last
 
     def exact_probe(self) -> tuple[int, int, Float32] | None:
@@ -102,7 +102,7 @@ class Editing:
             states[column.handle] += (state,)
         return states, new
 
-    def _bands_shown_in(self, edit: Edit) -> list[tuple[Band, ...]]:
+    def _bands_shown_in(self, edit: Edit) -> list[Band]:
         """Return the blend bands of all columns of `edit`. Handles at rest have the bands of a short drag."""
         if edit.default is not None:
             return self.deformer.bound.bands(edit)
@@ -113,11 +113,9 @@ class Editing:
     def has_close_weights(self) -> bool:
         """Return whether the blend bands of the page's columns are nearly those of the present edit."""
         now = self.deformer.bound.bands(self.deformer.edit)
-        shown, present = (
-            np.array([size for each in bands for band in each for size in band]) for bands in (self._bands, now)
-        )
-        if [*map(len, self._bands)] != [*map(len, now)]:
+        if len(self._bands) != len(now):
             return False
+        shown, present = np.array(self._bands), np.array(now)
         return bool((np.maximum(shown, present) <= CLOSE * np.minimum(shown, present)).all())
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:

@@ -64,10 +64,10 @@ def bendable_parts(session: SessionWeights, edit: Edit, handle: Handle) -> list[
     They are those at rest, so they do not depend on motions. Beside handles that move, those components are left out
     which follow another handle. Beyond the plane of symmetry of `edit`, the handle acts mirrored.
     """
-    number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+    number = edit.number(handle)
 
     def find() -> list[BendablePart]:
-        anchor, own = session.rows.anchor(handle.place), session.columns_of(edit, number, handle, split=True)
+        anchor, own = session.rows.anchor(handle.place), session.columns_of(edit, handle)
         pairs = list(zip(filled_at_rest(own, session.mesh).T, own, strict=True))
         if all(column.component is not None for column in own):
             pieces = [piece for pair in pairs for piece in _pieces(session.axes, pair[0], [pair], anchor)]

@@ -18,7 +18,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.fill import Counterpart, Portion, whole
+from dfd.editing.weights.fill import Column, Counterpart, whole
 from dfd.editing.weights.fixed_points import kept_by_fixed_points
 from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.editing.weights.held_part import HeldPart
@@ -64,17 +64,20 @@ class WeightsByFeatures:
     def __init__(self, mesh: Mesh, rows: HandleFeatures) -> None:
         self._mesh, self._rows, self._kept = mesh, rows, rows.kept
 
-    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
-        """Return the portion of each component of `held`; without a part, one portion with all weights.
+    def columns(
+        self, edit: Edit, number: int, held: HeldPart | None, own: Counterpart, *, equalize: bool
+    ) -> list[Column]:
+        """Return the column of each component of `held`; without a part, one column of the counterpart `own`.
 
         With `equalize`, similar counterparts move as much as the handle, except for locality and the mask.
         """
+        handle = edit.handles[number]
         in_part = held is not None and handle.controls.reach == "part"
         key = self.key(handle, edit, in_part=in_part)
         weights = None if key.is_one else self.of(key)
         if held is None or (len(held.components) == 1 and not in_part):
             assert weights is not None, "only the weights of a part are 1"
-            return [Portion(_sparse(weights))]
+            return [Column(number, own, _sparse(weights))]
         factors = [1.0] * len(held.components)
         equalize = equalize and handle.controls.follow != "none"
         if equalize and weights is not None:
@@ -83,19 +86,20 @@ class WeightsByFeatures:
             assert weights is not None, "only the weights of a part are 1"
             everywhere = self._kept.get("shares", held, lambda: shares_everywhere(held, self._mesh.diagonal))
             shares = [Share(each.vertices, weights[each.vertices] * each.values) for each in everywhere]
-            return [Portion(each) for each in (_equalized(weights, shares, factors) if equalize else shares)]
-        portions = [whole(each) for each in held.components]
+            shares = _equalized(weights, shares, factors) if equalize else shares
+            return [Column(number, each.counterpart, some) for each, some in zip(held.components, shares, strict=True)]
+        columns = [whole(number, each) for each in held.components]
         if weights is not None:
             most = weights.max(initial=0.0)
             lowered = (np.minimum(weights * np.float32(factor), most) for factor in factors)
-            portions = [
+            columns = [
                 each.scaled(lambda vertices, some=some: some[vertices])  # type: ignore[misc]
-                for each, some in zip(portions, lowered, strict=True)
+                for each, some in zip(columns, lowered, strict=True)
             ]
         if not edit.fixed or not edit.rules.reach_targets:
-            return portions
+            return columns
         kept = kept_by_fixed_points(self._rows, self._mesh.vertices, edit, handle, held)
-        return [portion.scaled(factor) for portion, factor in zip(portions, kept, strict=True)]
+        return [column.scaled(factor) for column, factor in zip(columns, kept, strict=True)]
 
     def of(self, key: Key) -> Float32:
         """Return a column (V,) of weights (Eq. 4 to 7)."""

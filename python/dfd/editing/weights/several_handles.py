@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest, whole
+from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
@@ -164,20 +164,20 @@ def sharing(columns: Sequence[Column], vertex_of: dict[int, int], same: Bool) ->
         others = [j for j in vertex_of if j > first and same[first, j]]
         if not others or not _is_plain(result[first]):
             continue
-        component, sharers = result[first].portions[0].component, [first]
+        component, sharers = result[first].component, [first]
         for j in others:
             limit = None if component is None else component.limited(vertex_of[j])
             if _is_plain(result[j]) and limit is not None:
                 component, sharers = limit, [*sharers, j]
         assert component is not None
         for j in sharers:
-            result[j] = replace(result[j], portions=(whole(component),))
+            result[j] = result[j].of(component)
     return result
 
 
 def _is_plain(column: Column) -> bool:
     """Return whether a column moves one component, with weights that only the component determines."""
-    return column.component is not None and column.portions[0].factor is column.component.share
+    return column.component is not None and column.factor is column.component.share
 
 
 def divided(
