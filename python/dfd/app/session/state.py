@@ -18,9 +18,9 @@ from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import Region, members
 from dfd.editing.weights.fill import Band
-from dfd.editing.weights.of_handles import reach_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane
@@ -68,7 +68,6 @@ class Editing:
         number = 1 + max((handle.id for handle in before.handles), default=0)
         edit = verbs.add(before, bound, number, at, name=None, level=level)
         weights, columns = bound.columns(edit, self._bands_shown_in(edit))
-        reach_of(bound, edit, edit.handle(number))  # `state` needs it after a click, and it is cached
         own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
         found: Float32 = weights[:, own].sum(axis=1)
         return found
@@ -166,7 +165,7 @@ class Editing:
             "handle": handle.id,
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
-            "reach": reach_of(self.deformer.bound, self.deformer.edit, handle),
+            "reach": PARTLESS_REACH if controls.reach == "part" else controls.reach,
             "origin": self.parts.origin(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),

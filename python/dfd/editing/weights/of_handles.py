@@ -3,9 +3,8 @@
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
-from dfd.editing.edit import Edit, Handle
-from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.fill import band_for, band_in, filled, filled_at_rest, whole
+from dfd.editing.edit import Edit
+from dfd.editing.weights.fill import band_for, band_in, filled, whole
 from dfd.editing.weights.held_part import hold
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.pose import IDENTITY
@@ -44,28 +43,13 @@ def probed(session: SessionWeights, vertex: int, level: int, affine: Float64) ->
     return filled([column], [band_for(column, affine, IDENTITY, mesh)], mesh)[:, 0]
 
 
-def reach_of(session: SessionWeights, edit: Edit, handle: Handle) -> float:
-    """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
-    if handle.controls.reach != "part":
-        return handle.controls.reach
-    held = session.held(edit, handle)
-    if held is None:
-        return PARTLESS_REACH
-    columns = [whole(0, each) for each in held.components]
-    return session.by_features.reach(handle.place, filled_at_rest(columns, session.mesh).sum(axis=1))
-
-
 def check_targets(session: SessionWeights, edit: Edit) -> None:
     """Raise ValueError if fixed points lower the weight at a handle so much that it cannot reach its target.
 
     A handle that moves a part always reaches its target, unless a fixed region contains it.
     """
-    if edit.rules.reach_targets:
-        lowered = [
-            handle
-            for handle in edit.handles
-            if any(session.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
-            or handle.controls.reach != "part"
-            or session.held(edit, handle) is None
-        ]
-        session.by_features.check_targets(edit, lowered)
+    for handle in edit.handles if edit.rules.reach_targets else ():
+        contained = any(session.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
+        if not contained and handle.controls.reach == "part" and session.held(edit, handle) is not None:
+            continue
+        session.by_features.check_left(edit, handle)

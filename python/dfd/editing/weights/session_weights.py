@@ -131,10 +131,17 @@ class SessionWeights:
 
     def all_columns(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Column]:
         """Return a column for each component of `held`; without a part, one column with weights by features."""
-        number = edit.number(handle)
-        if held is not None and _is_plain(handle, edit):
-            return [whole(number, each) for each in held.components]
-        return self.by_features.columns(edit, number, held, self.own(handle), equalize=equalize)
+        number, in_part = edit.number(handle), held is not None and handle.controls.reach == "part"
+        if held is None or not in_part or _lowers(handle, edit):
+            columns = self.by_features.columns(edit, number, held, self.own(handle), equalize=equalize)
+        else:
+            columns = [whole(number, each) for each in held.components]
+        if held is None or not in_part or not edit.fixed or not edit.rules.reach_targets:
+            return columns
+        from dfd.editing.weights.fixed_points import kept_by_fixed_points
+
+        kept = kept_by_fixed_points(self.rows, self.mesh.vertices, edit, handle, held)
+        return [column.scaled(factor) for column, factor in zip(columns, kept, strict=True)]
 
     def counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, which holds `held`, and whether each moves. The first is the handle.
@@ -225,8 +232,10 @@ def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
     return controls.reach == "part" or is_split(handle) or equalize or controls.excluded_counterparts != ()
 
 
-def _is_plain(handle: Handle, edit: Edit) -> bool:
-    """Return whether no control and no fixed point lowers the weights of the part that a handle holds."""
+def _lowers(handle: Handle, edit: Edit) -> bool:
+    """Return whether a control, or Eq. 6 of fixed points, lowers the weights of the part that a handle holds."""
     controls = handle.controls
-    lowers = controls.locality > 0 or controls.radius is not None or controls.strength != 1 or controls.mask is not None
-    return controls.reach == "part" and not lowers and not edit.fixed
+    near = controls.locality > 0 or controls.radius is not None
+    return (
+        near or controls.strength != 1 or controls.mask is not None or bool(edit.fixed and not edit.rules.reach_targets)
+    )
