@@ -65,16 +65,16 @@ class WeightsByFeatures:
         in_part = held is not None and handle.controls.reach == "part"
         weights = self.of(self.key(handle, edit, in_part=in_part))
         if held is None or (len(held.components) == 1 and not in_part):
-            return [Column(number, own, _sparse(weights))]
-        factors = [1.0] * len(held.components)
-        equalize = equalize and handle.controls.follow != "none"
-        if equalize:
-            factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
+            return [Column(number, own.vertex, own, _sparse(weights))]
+        places = [each.counterpart for each in held.components]
+        factors = [1.0] * len(places)
+        if equalize and handle.controls.follow != "none":
+            factors = self._equalizing(edit, handle, weights, places)
         if not in_part:
             everywhere = self._kept.get("shares", held, lambda: shares_everywhere(held, self._mesh.diagonal))
             shares = [Share(each.vertices, weights[each.vertices] * each.values) for each in everywhere]
-            shares = _equalized(weights, shares, factors) if equalize else shares
-            return [Column(number, each.counterpart, some) for each, some in zip(held.components, shares, strict=True)]
+            shares = _equalized(weights, shares, factors)
+            return [Column(number, each.vertex, each, some) for each, some in zip(places, shares, strict=True)]
         most = weights.max(initial=0.0)
         lowered = (np.minimum(weights * np.float32(factor), most) for factor in factors)
         return [

@@ -121,7 +121,8 @@ class Column:
     """One column of the weights (V, C): the weights of one component, or weights by features, and what moves it."""
 
     handle: int  # index of the handle in the edit
-    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot
+    vertex: int  # the vertex of the counterpart on the component
+    counterpart: Counterpart  # that counterpart, or the handle itself if all counterparts share one pivot
     still: Share  # weights that do not depend on the motion: those beyond the inner end of every band
     component: Component | None = None  # the component with the blend band; None if no weight depends on the motion
     factor: Float32 | None = None  # (M,) factor of the weights at `Component.vertices`
@@ -162,11 +163,6 @@ class Column:
         turned = np.linalg.det(frame) * frame  # rotation vectors are pseudovectors
         return self.counterpart.position + frame @ offset, turned @ handle.transform.rotation
 
-    @property
-    def vertex(self) -> int:
-        """Return the vertex of the counterpart on the component that the column moves."""
-        return (self.counterpart if self.component is None else self.component.counterpart).vertex
-
     @cached_property
     def support(self) -> Int64:
         """Return the vertices (N,) whose weight can be above 0, in any order; some are repeated."""
@@ -176,7 +172,8 @@ class Column:
 
 def whole(handle: int, component: Component) -> Column:
     """Return the column with which a handle moves a component."""
-    return Column(handle, component.counterpart, component.core, component, component.share)
+    counterpart = component.counterpart
+    return Column(handle, counterpart.vertex, counterpart, component.core, component, component.share)
 
 
 def band_at_rest(component: Component, diagonal: float) -> Band:
