@@ -160,7 +160,7 @@ class SessionWeights:
         return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
 
     def own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
+        """Return the handle itself as a counterpart."""
         return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
 
     def columns_of(self, edit: Edit, handle: Handle) -> list[Column]:
@@ -171,7 +171,7 @@ class SessionWeights:
         columns = self.all_columns(edit, handle, held, equalize=edit.rules.equalize)
         moving = [moves for _, moves in self.counterparts(handle, held)]
         found = [column for column, moves in zip(columns, moving, strict=True) if moves]
-        return found if is_split(handle) else [replace(column, counterpart=self.own(handle)) for column in found]
+        return found if is_split(handle) else [replace(column, counterpart=found[0].counterpart) for column in found]
 
     # --- for all handles: columns → bands for the motions → weights
 
