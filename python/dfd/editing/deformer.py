@@ -44,16 +44,14 @@ if TYPE_CHECKING:
 class Deformer(History):
     """An editing session: one shape, its handles and fixed points, and the posed vertices.
 
-    Handles can be changed or removed at any time, because `vertices` is always computed from the resting mesh. For a
-    new handle, only its weights are computed. With a linear blend, most frames of a drag compute only moving handles.
+    `vertices` is always computed from the resting mesh, so handles can be changed or removed at any time.
 
-    Every change is one step, and each call of `undo` takes back one step. With `merge=True`, a change joins the
-    previous step if that step changed the same handle, place or setting. For a drag, make the first move without
-    `merge` and all others with `merge`: then one call of `undo` takes back the whole drag.
+    Every change is one step of `undo`. With `merge=True`, a change joins the previous step if that step changed the
+    same handle, place or setting. So for a drag, make all moves but the first with `merge`.
 
-    Raises ValueError if the preset is unknown, or `features` is not finite or has a wrong array shape. If `features` is
-    None and `other_shape` is False, `dfd.field.compatibility.check_compatible` checks the field. A field distilled from
-    another shape raises ValueError. Vertices far outside the bounding box of the field's shape cause a warning.
+    Raises ValueError if the preset is unknown, `features` is not finite or has a wrong array shape, or the field was
+    distilled from another shape. Vertices far outside the bounding box of the field's shape cause a warning. With
+    `features` or `other_shape`, the field is not checked.
 
     Parameters
     ----------
@@ -65,10 +63,9 @@ class Deformer(History):
         The defaults of the session and its handles (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
         and Eq. 4 to 8 exactly. Settings of a handle or of the session override the preset.
     features
-        (V, D) features of the vertices, or their compact form from `dfd.compact`. With them, the session evaluates the
-        field only at handles and fixed points that are points in space. Without them, it evaluates the field when it
-        first needs features. With the preset "default", it compacts the features of a mesh with more than 16,384
-        vertices. This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
+        (V, D) features of the vertices, or their compact form from `dfd.compact`. By default, the session evaluates the
+        field when it first needs features. With the preset "default", it compacts those of more than 16,384 vertices.
+        This changes weights by at most 0.01, as measured on samples (`CompactFeatures.error`).
     other_shape
         Whether to accept a field of another shape.
 
@@ -173,16 +170,14 @@ class Deformer(History):
 
         Raises ValueError if an argument has a wrong array shape, a number is not finite or out of range, a word is
         unknown, or a region is empty. Raises ValueError if a point lies farther from the shape than the diagonal of its
-        bounding box, or the place already has a handle or a fixed point. Raises ValueError if fixed points take all
-        weight from the handle.
+        bounding box, the place already has a handle or a fixed point, or fixed points take all weight from the handle.
 
         Parameters
         ----------
         at
             The place: a vertex index, or any point (3,) in mesh units. An array of vertex indices, a mask (V,) or a
-            region of `dfd.editing.regions` makes all of its vertices the handle. A text is "part@1,2,3"
-            (the part at this point), "piece@812" (the part at vertex 812 without its counterparts), or one of the texts
-            of `dfd.editing.points.find`.
+            region of `dfd.editing.regions` makes all of its vertices the handle. A text is "part@812" (the part at a
+            vertex or point), "piece@812" (without its counterparts), or one of the texts of `dfd.editing.points.find`.
         translation
             (3,) in mesh units.
         rotation
@@ -191,44 +186,38 @@ class Deformer(History):
         scale
             One factor, or (3,) along `axes`, applied before the rotation.
         pivot
-            The center of rotation and scale: (3,) in mesh units, or a name. The *held part* has all vertices with at
-            least half of the handle's largest weight. "base" is the center of the border between the held part
-            and the rest of the shape. "middle" is the center of the held part. "point" is the handle itself, or the
-            center of its region. "plane" is the point of the plane of symmetry that is nearest to the handle. "hinge"
-            is the middle of the hinge, a line through the border points that are farthest from the tip. The default is
-            "base" for a limb, and "middle" for any other part. A limb has one border, is longer than 0.75 times its
-            width, and is not a disk such as a wheel. If the held part lies on both sides of the plane of symmetry, the
-            default is moved onto the plane. With the preset "paper", the default is "point".
+            The center of rotation and scale: (3,) in mesh units, or a name. "base" is the center of the border of the
+            *held part*, the vertices with at least half of the handle's largest weight at rest. "middle" is the center
+            of the held part. "point" is the handle, or the center of its region. "plane" is the point of the plane of
+            symmetry nearest to the handle. "hinge" is the middle of a line through the border points that are farthest
+            from the tip. The default is "base" for a limb, and else "middle", or with the preset "paper" "point". A
+            limb has one border, is longer than 0.75 times its width, and is no disk such as a wheel. If the held part
+            lies on both sides of the plane of symmetry, the default lies on the plane.
         axes
             (3, 3) orthonormal vectors, one per row: the directions of the three factors of `scale`. "normal" is a frame
             whose third vector is the surface's normal at the handle. By default, they are the mesh's axes x, y and z.
         bend, towards
-            `bend` is the angle in degrees by which the tip of the held part rotates. The rotation grows along the
-            part's axis, from base to tip, and every cross-section moves rigidly. `towards` is the direction in which
-            the tip moves: "up", "down", "left", "right", "front", "back" or a vector (3,). The default is "up", or
-            "front" if the part is upright. `bend` may also be a rotation vector (3,). Each counterpart bends along its
-            own axis. Bend and twist are applied before scale, rotation and translation.
+            `bend` is the angle in degrees, or the rotation vector (3,), by which the tip of the held part rotates. The
+            rotation grows along the axis of each counterpart, and cross-sections move rigidly. `towards` is where the
+            tip moves: "up", "down", "left", "right", "front", "back" or a vector (3,). The default is "up", or "front"
+            if the part is upright. Bend and twist are applied before scale, rotation and translation.
         twist
             Angle in degrees by which the tip rotates about the part's axis.
         joint
-            The position of bend and twist on the axis. "spread", the default, distributes them over the whole length.
-            "auto" is the place where the resting part is most bent or narrowest, such as a knee. "here" is the place
-            nearest to the handle. A number is a position from 0 at the base to 1 at the tip.
+            The position of bend and twist on the axis: a number from 0 at the base to 1 at the tip, or a word.
+            "spread", the default, distributes them over the whole length. "auto" is where the resting part is most bent
+            or narrowest, such as a knee. "here" is the place nearest to the handle.
         open
-            Angle in degrees by which the part rotates about its hinge, away from the rest of the shape, as a jaw opens.
-            `open` sets `rotation` and `pivot`.
+            Angle in degrees by which the part rotates about its hinge, as a jaw opens. It sets `rotation` and `pivot`.
         matrix
             (3, 4) or (4, 4) affine matrix in mesh units, in place of translation, rotation, scale and axes. The handle
             stores its polar decomposition about the pivot.
         name
             The name for display.
-        level, follow, counterparts, excluded_counterparts
-            The part at the handle, and who follows it, see `dfd.editing.controls.Controls`.
+        level, follow, counterparts, excluded_counterparts, detach
+            The part at the handle, what follows it, and whether it comes loose from pieces of the mesh that it touches.
         reach, falloff, locality, radius, strength, mask, mask_feather
-            The other controls. Values that are left out or None are those of the preset. With `mask="part"`, the mask
-            is the part at the handle.
-        detach
-            Whether the part comes loose from pieces of the mesh that it touches. By default, it stays attached.
+            The other controls, see `dfd.editing.controls.Controls`. By default, they are those of the preset.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self.bound, new, at, name=name, **given))
@@ -240,8 +229,7 @@ class Deformer(History):
         """Set values of a handle's transform, relative to the resting shape. Values that are left out do not change.
 
         The arguments are those of `add`, from `translation` to `matrix`. "auto" resets `pivot` or `axes` to its
-        default. With the reach "part", `move` also changes `weights`, but only in the blend band, a strip at the part's
-        border. The band widens if the border moves, but only inside the limb if the motion lengthens it.
+        default. With the reach "part", `move` also changes `weights` in the blend band, a strip at the part's border.
 
         Raises ValueError if there is no such handle, an array has a wrong shape, or a number is not finite.
         """
@@ -337,13 +325,8 @@ class Deformer(History):
 
         `field` is the feature field of `mesh`.
 
-        A handle moves to the vertex with the most similar feature, and among nearly equal ones to that at the most
-        similar position. A handle with a part moves to the similar place, and gets the level, at which the part is most
-        like the first one in size and place. Lengths are scaled with the bounding box. `similarity` of the new session
-        has the similarity of each place. `features` are those of `Deformer`.
-
-        Raises ValueError if the fields have different encoders or dimensions, two handles move to the same vertex, or
-        a region contains no vertex of `mesh`.
+        `dfd.editing.transfer.transfer` explains the rules and the errors. `similarity` of the new session has the
+        similarity of each place. `features` are those of `Deformer`.
 
         Examples
         --------
@@ -376,9 +359,8 @@ class Deformer(History):
 
         `Edit()` removes everything.
 
-        Raises ValueError if the mesh lacks a vertex of `edit`, or a region of `edit` is empty on the mesh. Raises
-        ValueError if a point lies farther from the shape than the diagonal of its bounding box, or the plane of
-        symmetry does not cut the shape.
+        Raises ValueError if the mesh lacks a vertex of `edit`, a region is empty on the mesh, a point lies farther from
+        the shape than the diagonal of its bounding box, or the plane of symmetry does not cut the shape.
         """
         _warn_of_settings(self.field, edit.preset)
         self._commit(edit_on(self.mesh, edit), "edit", merge)
@@ -391,8 +373,8 @@ class Deformer(History):
         `at` is as in `add`. If `at` is a region, the result is the part at the vertex that is nearest to the region's
         center. `level` and `follow` are as in `dfd.Parts.part`.
 
-        Raises ValueError if `at` is no place, `level` is no whole number, or `follow` is another word. Raises
-        ValueError if the mesh has no face with an area.
+        Raises ValueError if `at` is no place, `level` is no whole number, `follow` is another word, or the mesh has no
+        face with an area.
         """
         return verbs.part_at(self.bound, at, level, follow=follow)
 
@@ -417,11 +399,10 @@ class Deformer(History):
 
         Of the part of a handle, it keeps whole counterparts, or divides the handle's own component.
 
-        `at` is as in `add`. `strength`, in [0, 1], multiplies the weights that the fixed point subtracts from the
-        weights of handles. In Eq. 6, the strength is 1.
+        `at` is as in `add`. `strength`, in [0, 1], multiplies the weights that Eq. 6 subtracts.
 
-        Raises ValueError if `at` is no place, or a handle or a fixed point is already there. Raises ValueError if
-        `strength` lies outside [0, 1], or a handle would lose all weight at its place (only with the preset "default").
+        Raises ValueError if `at` is no place, or used already, or `strength` lies outside [0, 1]. With the preset
+        "default", raises ValueError if a handle would lose all weight at its place.
         """
         place = verbs.place_of(self.bound, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
@@ -454,8 +435,8 @@ class Deformer(History):
     ) -> None:
         """Set the plane of symmetry. Vertices beyond it, seen from a handle, follow the mirrored transform (Eq. 8).
 
-        Raises ValueError if `plane` is invalid, `band` is negative or not finite, or "auto" finds no plane. Raises
-        ValueError if `candidates` or `threshold` is given for a plane other than "auto".
+        Raises ValueError if `plane` is invalid, `band` is negative or not finite, "auto" finds no plane, or
+        `candidates` or `threshold` is given for another plane.
 
         Parameters
         ----------
@@ -569,11 +550,8 @@ class Deformer(History):
     ) -> Deformer:
         """Return a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        If a vertex of the edit has another position on `mesh`, the stored position is used, as a point in space. This
-        causes a warning if the edit was made on another mesh. `other_shape` accepts an edit or a field of another
-        shape, and keeps all positions and lengths. `transfer` transfers an edit by features.
-
-        Raises OSError if `path` cannot be read. Raises ValueError if the file has no edit, or an edit of another shape.
+        `dfd.editing.edit_file.read_edit` explains how places are found, and the errors. `other_shape` also accepts a
+        field of another shape. `transfer` transfers an edit by features.
         """
         deformer = cls(mesh, field, features=features, other_shape=other_shape)
         deformer._start(read_edit(path, deformer.mesh, other_shape=other_shape))

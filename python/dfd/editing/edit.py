@@ -146,6 +146,10 @@ class Edit(Brief):
         known = ", ".join(str(handle.id) for handle in self.handles) or "none"
         raise ArgumentError("handle", f"must be the id of a handle ({known}), got {id!r}", "Edit")
 
+    def number(self, handle: Handle) -> int:
+        """Return the index of the handle with the id of `handle`."""
+        return [each.id for each in self.handles].index(handle.id)
+
     def released(self, place: Place) -> Edit:
         """Return the edit without the fixed point or region at `place`. Raises ValueError if there is none."""
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)

@@ -244,18 +244,13 @@ def _posed(edit: Edit, weights: SessionWeights) -> Float64:
 def _with_pivots(edit: Edit, weights: SessionWeights, chosen: Sequence[int]) -> Edit:
     """Return `edit` with the default pivots of the `chosen` handles, at which they rest, but for a tiny motion.
 
-    The motion makes them moving handles, which share counterparts and parts as they will after the fit. All of them
-    move before the first pivot is chosen, so that parts are divided only once.
+    The motion makes them moving handles, which share counterparts and parts as they will after the fit.
     """
-    tiny = 1e-9 * weights.mesh.diagonal
-    turning = [handle for handle in chosen if edit.handle(handle).transform.turns]
-    rest = {"translation": (tiny, 0, 0), "rotation": (0, 0, 0), "scale": 1, "axes": "auto"}
+    rest = {"translation": (1e-9 * weights.mesh.diagonal, 0, 0), "rotation": (0, 0, 0), "scale": 1, "axes": "auto"}
     for handle in chosen:
-        edit = verbs.move(edit, weights, handle, rest)
-    for handle in chosen:
-        if handle not in turning:
+        if not edit.handle(handle).transform.turns:
             edit = verbs.move(edit, weights, handle, {"rotation": (0.0, 0.0, 1.0)})
-            edit = verbs.move(edit, weights, handle, rest)
+        edit = verbs.move(edit, weights, handle, rest)
     return edit
 
 

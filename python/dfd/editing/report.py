@@ -138,7 +138,7 @@ def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> R
     for i, handle in enumerate(edit.handles):
         vertex = weights.rows.anchor(handle.place)
         first = columns[own[i]]
-        target = _transformed(first.matrix(edit), bent[vertex])
+        target = first.matrix(edit) @ np.append(bent[vertex], 1.0)
         if first.carriers:
             target += carried(bent[vertex], followed[vertex], own[i], blend) - bent[vertex]
         missing = float(np.linalg.norm(posed[vertex] - target))
@@ -216,11 +216,6 @@ def largest_stretch(rest: Float64, posed: Float64, faces: Int32) -> float:
     before, after = (np.linalg.norm(points[sides[:, 0]] - points[sides[:, 1]], axis=1) for points in (rest, posed))
     long = before > 1e-6 * before.max(initial=0.0)
     return float((after[long] / before[long]).max(initial=1.0))
-
-
-def _transformed(matrix: Float64, point: Float64) -> Float64:
-    """Return the image of a point (3,) under an affine `matrix` (3, 4)."""
-    return np.asarray(matrix[:, :3] @ point + matrix[:, 3])
 
 
 def _advice(edit: Edit) -> str | None:

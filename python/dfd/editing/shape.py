@@ -10,7 +10,7 @@ import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.weights.fill import Column, bands_of, fill
+from dfd.editing.weights.fill import Column, band_in, fill
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import IDENTITY, Drag, pose
@@ -51,7 +51,7 @@ class PosedShape:
             self._drag = None
         if self._drag is None and self._skin is None:
             columns = self.weights.plan(edit)
-            default = edit.default is not None and any(column.banded for column in columns)
+            default = edit.default is not None and any(column.component is not None for column in columns)
             if default or any(column.crowd for column in columns) or blends_nested(edit, columns):
                 return self._whole(edit)  # weights or transforms of handles at rest, or of the default, change too
         if self._drag is None:
@@ -86,10 +86,10 @@ class _MovingColumns:
         """Return the vertices (V, 3) of `edit`."""
         if self._bands is not None:
             for i, column in enumerate(self._columns):
-                bands = bands_of(column, self._mesh, edit)
-                if bands != self._bands[i]:
-                    fill(column, bands, self._weights[i], bands_only=True)
-                    self._bands[i] = bands
+                band = band_in(column, self._mesh, edit)
+                if band != self._bands[i]:
+                    fill(column, band, self._weights[i], band_only=True)
+                    self._bands[i] = band
         turns = {} if edit.blending == "linear" else turns_of(self._mesh, edit, self._all)
         return self._drag.pose([column.matrix(edit) for column in self._columns], **turns)
 

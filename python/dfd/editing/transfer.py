@@ -17,7 +17,6 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.key_pose import KeyPose
 from dfd.editing.points import Place, place_on
 from dfd.editing.regions import HalfSpace, Region, VertexSet
-from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.field.field import Field
 from dfd.geometry.coarse import nodes_of
 from dfd.geometry.topology import face_areas, sample_surface
@@ -25,7 +24,6 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.segmentation.parts import Parts
 from dfd.symmetry.plane import SymmetryPlane
-from dfd.weights.bind import bind
 
 # A handle moves to one of several candidates: vertices whose feature distance exceeds the smallest one by at most this
 # number. The candidate at the most similar position is chosen, because left and right legs have nearly equal features.
@@ -110,11 +108,8 @@ class EditTransfer:
     def __init__(
         self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field, parts: tuple[Parts, Parts] | None = None
     ) -> None:
-        self.mesh_from, self.field_from, self.mesh, self.field_to = mesh_from, field_from, mesh, field_to
-        self.parts = parts
-        self.mean_from, self.mean_to = mean_feature(mesh_from, field_from), mean_feature(mesh, field_to)
-        self.center_from, self.center_to = (field.center for field in (field_from, field_to))
-        self.rows = HandleFeatures(mesh, field_to)
+        self.mesh_from, self.mesh, self.parts = mesh_from, mesh, parts
+        self.here, self.there = _Side(mesh_from, field_from), _Side(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
 
     def of(self, edit: Edit) -> Transferred:
@@ -141,7 +136,8 @@ class EditTransfer:
 
     def point(self, position: Vector) -> Vector:
         """Return the position in the other shape's box that corresponds to `position`."""
-        return vector("position", self.center_to + self.ratio * (np.asarray(position) - self.center_from))
+        centers = self.here.field.center, self.there.field.center
+        return vector("position", centers[1] + self.ratio * (np.asarray(position) - centers[0]))
 
     def place(self, place: Place) -> tuple[Place, float]:
         """Return the corresponding place on the other shape, and its similarity."""
@@ -151,9 +147,7 @@ class EditTransfer:
             found: Any = int(vertices[0]) if place.region is None else VertexSet.of(self.mesh, np.unique(vertices))
         else:
             found = place_on(self.mesh, self.region(place.region))
-            before = unit(self.field_from(np.array([place.position])) - self.mean_from, least=TOO_SHORT)
-            after = unit(self.field_to(np.array([found.position])) - self.mean_to, least=TOO_SHORT)
-            cosines = (before * after).sum(axis=1)
+            cosines = (self.here.at([place.position]) * self.there.at([found.position])).sum(axis=1)
         return place_on(self.mesh, found), float(np.clip(cosines, 0.0, 1.0).mean())
 
     def part(self, parts: tuple[Parts, Parts], place: Place, level: int) -> tuple[Place, float, int]:
@@ -174,26 +168,28 @@ class EditTransfer:
             if own is not None and found is not None:
                 odds[i] = float(log_odds(between(*own, *found))[0])
         number, other = candidates[int(np.argmax(odds))]
-        similarity = float(np.clip(cosines[number], 0.0, 1.0))
-        return place_on(self.mesh, int(vertices[number])), similarity, other if max(odds) > -np.inf else level
+        return (
+            place_on(self.mesh, int(vertices[number])),
+            float(cosines[number]),
+            other if max(odds) > -np.inf else level,
+        )
 
     def alternatives(self, place: Place) -> tuple[Int64, Float64]:
         """Return at most `MOST_PLACES` similar vertices (N,), first that of `nearest`, and their similarities (N,)."""
-        position = np.array([place.position])
-        (row,) = unit(self.field_from(position) - self.mean_from, least=TOO_SHORT)
-        cosines, apart = self.compared(row)
-        chosen = self.nearest(position)[0].tolist()
-        similar = np.flatnonzero(apart <= apart.min() + PLACE_MARGIN)
-        places = self.mesh.vertices[similar] / self.mesh.diagonal
-        meant = np.asarray(self.point(place.position)) / self.mesh.diagonal
-        cost = apart[similar] + np.linalg.norm(places - meant, axis=1) / 2
+        (row,), meant = self.here.at([place.position]), self.here.place(place.position)
+        cosines = self.there.rows @ row
+        apart = np.sqrt(np.maximum(2 - 2 * cosines, 0))
+        first = self.nearest(np.array([place.position]))[0]
+        chosen = np.searchsorted(self.there.sample, first).tolist()
+        places = self.there.places / (self.there.field.scale * self.mesh.diagonal)
+        cost = apart + np.linalg.norm(places - meant / (self.there.field.scale * self.mesh.diagonal), axis=1) / 2
+        cost[apart > apart.min() + PLACE_MARGIN] = np.inf
         for _ in range(MOST_PLACES - 1):
-            last = self.mesh.vertices[chosen[-1]] / self.mesh.diagonal
-            cost[np.linalg.norm(places - last, axis=1) < SPACING] = np.inf
+            cost[np.linalg.norm(places - places[chosen[-1]], axis=1) < SPACING] = np.inf
             if not np.isfinite(cost).any():
                 break
-            chosen.append(int(similar[cost.argmin()]))
-        return np.array(chosen), cosines[chosen]
+            chosen.append(int(cost.argmin()))
+        return self.there.sample[chosen], np.clip(cosines[chosen], 0, 1)
 
     def region(self, region: Region) -> Region:
         """Return the corresponding region of the other shape."""
@@ -249,35 +245,7 @@ class EditTransfer:
     def nearest(self, positions: Float64) -> tuple[Int64, Float64]:
         """Return the most similar vertices (N,) and their similarities (N,), for at most `MOST_POSITIONS` positions."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
-        wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
-        meant = self.center_to + self.ratio * (chosen - self.center_from)
-        vertices, cosines = np.empty(len(chosen), np.int64), np.empty(len(chosen))
-        for i, row in enumerate(wanted):
-            found, apart = self.compared(row)
-            alike = np.flatnonzero(apart <= apart.min() + CANDIDATE_MARGIN)
-            vertices[i] = alike[np.linalg.norm(self.mesh.vertices[alike] - meant[i], axis=1).argmin()]
-            cosines[i] = found[vertices[i]]
-        return vertices, cosines
-
-    def compared(self, row: Float64) -> tuple[Float64, Float64]:
-        """Return the cosines (V,) and the distances (V,) between the unit feature `row` (D,) and all vertices."""
-        cosines = (self.products(row) - float(self.mean_to @ row)) / self.lengths
-        return cosines, np.sqrt(np.maximum(2.0 - 2.0 * cosines, 0.0))
-
-    @cached_property
-    def lengths(self) -> Float64:
-        """Return the distances (V,) of all features from the mean feature; those below `TOO_SHORT` become infinite."""
-        offset = self.mean_to
-        long = float(np.linalg.norm(offset))
-        along = long * self.products(offset / long) if long > 0 else 0.0
-        squares = 1.0 + long**2 - 2.0 * along
-        return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
-
-    def products(self, row: Float64) -> Float64:
-        """Return the dot products (V,) of the vertices' features with a unit vector `row` (D,)."""
-        # Unit features differ by at most 2. With a reach of 2, a weight is therefore 1 − distance / 2.
-        distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
-        return 1.0 - np.square(distances, dtype=np.float64) / 2.0
+        return self.there.nearest(self.here.at(chosen), self.here.place(chosen))
 
 
 def _surface(mesh: Mesh, parts: Parts, at: Any, level: int) -> tuple[Float64, Float64] | None:
@@ -291,15 +259,6 @@ def _surface(mesh: Mesh, parts: Parts, at: Any, level: int) -> tuple[Float64, Fl
     area = nodes.area * (component >= 0)
     middle = area @ (nodes.center - mesh.bounds.mean(axis=0)) / max(area.sum(), 1e-300)
     return np.array([area.sum() / max(nodes.area.sum(), 1e-300)]), middle[None] / max(mesh.diagonal, 1e-300)
-
-
-def mean_feature(mesh: Mesh, field: Field) -> Float64:
-    """Return the mean feature (D,) of surface samples; 0 for a mesh without area."""
-    if not face_areas(mesh.vertices, mesh.faces).sum() > 0:
-        return np.zeros(field.dimension)
-    points, _ = sample_surface(mesh.vertices, mesh.faces, SAMPLE, np.random.default_rng(0))
-    mean: Float64 = np.asarray(field(points), np.float64).mean(axis=0)
-    return mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,40 +297,74 @@ def correspond(mesh_a: MeshLike, field_a: Field, mesh_b: MeshLike, field_b: Fiel
     """
     check_fields(field_a, field_b)
     a, b = _Side(mesh_a, field_a), _Side(mesh_b, field_b)
-    there, similarity = _nearest(a, np.arange(len(a.mesh.vertices)), b)
+    there, similarity = b.nearest(a.of_vertices(slice(None)), a.place(a.mesh.vertices))
     used, inverse = np.unique(there, return_inverse=True)
-    back = _nearest(b, used, a)[0][inverse]
+    back = a.nearest(b.of_vertices(used), b.place(b.mesh.vertices[used]))[0][inverse]
     apart = np.linalg.norm(a.mesh.vertices[back] - a.mesh.vertices, axis=1)
     confidence = similarity * np.clip(1 - apart / (FAR * a.mesh.diagonal), 0, 1)
     return Correspondence(there, confidence.astype(np.float32), similarity.astype(np.float32))
 
 
 class _Side:
-    """One of both shapes: features minus their mean, at unit length, and positions in the bounding box."""
+    """One of both shapes. Features are compared minus the mean feature of their shape, at unit length."""
 
     def __init__(self, mesh: MeshLike, field: Field) -> None:
-        self.mesh = as_mesh(mesh)
-        mean = mean_feature(self.mesh, field)
-        rows = np.asarray(field.on(self.mesh).rows(slice(None)), np.float64) - mean
-        self.rows = unit(rows, least=TOO_SHORT).astype(np.float32)
-        self.places: Float64 = (self.mesh.vertices - field.center) * field.scale
-        count = len(self.mesh.vertices)
-        self.sample = np.unique(self.mesh.representative[:: -(-count // MOST_VERTICES)]).astype(np.int64)
+        self.mesh, self.field = as_mesh(mesh), field
 
+    @cached_property
+    def mean(self) -> Float64:
+        """Return the mean feature (D,) of surface samples; 0 for a mesh without area."""
+        if not face_areas(self.mesh.vertices, self.mesh.faces).sum() > 0:
+            return np.zeros(self.field.dimension)
+        points, _ = sample_surface(self.mesh.vertices, self.mesh.faces, SAMPLE, np.random.default_rng(0))
+        return np.asarray(np.asarray(self.field(points), np.float64).mean(axis=0))
 
-def _nearest(a: _Side, vertices: Int64, b: _Side) -> tuple[Int64, Float64]:
-    """Return the corresponding vertices (N,) of `b` for `vertices` (N,) of `a`, and their similarities (N,)."""
-    found, similarity = np.empty(len(vertices), np.int64), np.empty(len(vertices))
-    rows, places = b.rows[b.sample], b.places[b.sample].astype(np.float32)
-    squares = np.square(places).sum(axis=1)
-    for start in range(0, len(vertices), ROWS):
-        some = vertices[start : start + ROWS]
-        cosines = a.rows[some] @ rows.T
-        apart = np.sqrt(np.maximum(2 - 2 * cosines, 0))
-        meant = a.places[some].astype(np.float32)
-        distances = squares - 2 * meant @ places.T
-        distances[apart > apart.min(axis=1, keepdims=True) + CANDIDATE_MARGIN] = np.inf
-        best = distances.argmin(axis=1)
-        found[start : start + ROWS] = b.sample[best]
-        similarity[start : start + ROWS] = np.clip(cosines[np.arange(len(some)), best], 0, 1)
-    return found, similarity
+    def at(self, points: Any) -> Float32:
+        """Return the features (N, D) at `points` (N, 3)."""
+        return self._compared(self.field(np.asarray(points)))
+
+    def of_vertices(self, vertices: Any) -> Float32:
+        """Return the features (N, D) of `vertices`, an array (N,) or a slice."""
+        return self._compared(self.field.on(self.mesh).rows(vertices))
+
+    def _compared(self, rows: Float32) -> Float32:
+        return unit(np.asarray(rows, np.float64) - self.mean, least=TOO_SHORT).astype(np.float32)
+
+    def place(self, points: Any) -> Float64:
+        """Return the positions (N, 3) of points (N, 3) in the bounding box of the shape."""
+        return np.asarray((np.asarray(points) - self.field.center) * self.field.scale, np.float64)
+
+    @cached_property
+    def sample(self) -> Int64:
+        """Return the vertices (S,) that can correspond to places of the other shape, ascending."""
+        step = -(-len(self.mesh.vertices) // MOST_VERTICES)
+        return np.unique(self.mesh.representative[::step]).astype(np.int64)
+
+    @cached_property
+    def rows(self) -> Float32:
+        """Return the features (S, D) of `sample`."""
+        return self.of_vertices(self.sample)
+
+    @cached_property
+    def places(self) -> Float64:
+        """Return the positions (S, 3) of `sample` in the bounding box."""
+        return self.place(self.mesh.vertices[self.sample])
+
+    def nearest(self, rows: Float32, meant: Float64) -> tuple[Int64, Float64]:
+        """Return the most similar vertices (N,) to the features `rows` (N, D), and the similarities (N,) in [0, 1].
+
+        Among nearly equal ones, they are nearest to the positions `meant` (N, 3) in the bounding box.
+        """
+        found, similarity = np.empty(len(rows), np.int64), np.empty(len(rows))
+        places = self.places.astype(np.float32)
+        squares = np.square(places).sum(axis=1)
+        for start in range(0, len(rows), ROWS):
+            some = slice(start, start + ROWS)
+            cosines = rows[some] @ self.rows.T
+            apart = np.sqrt(np.maximum(2 - 2 * cosines, 0))
+            distances = squares - 2 * meant[some].astype(np.float32) @ places.T
+            distances[apart > apart.min(axis=1, keepdims=True) + CANDIDATE_MARGIN] = np.inf
+            best = distances.argmin(axis=1)
+            found[some] = self.sample[best]
+            similarity[some] = np.clip(np.take_along_axis(cosines, best[:, None], axis=1)[:, 0], 0, 1)
+        return found, similarity

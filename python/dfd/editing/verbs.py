@@ -78,25 +78,11 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     others = {name: value for name, value in given.items() if name not in MOTIONS}
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
     new = Handle(handle, place, Transform(), controls, name)
-    if matrix is None and not motions:
-        new = replace(new, transform=_taken_over(edit, weights, new))
+    if matrix is None and not motions and not all(each.transform.rests for each in edit.handles):
+        from dfd.editing.weights.several_handles import taken_over
+
+        new = replace(new, transform=taken_over(weights, edit, new))
     return _moved(replace(edit, handles=(*edit.handles, new)), weights, new, motions, matrix)
-
-
-def _taken_over(edit: Edit, weights: SessionWeights, handle: Handle) -> Transform:
-    """Return the motion that the handles of `edit` give to the component at a new handle, see `several_handles`."""
-    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
-    if not moving or edit.rules.overlap != "add":
-        return handle.transform
-    from dfd.editing.weights.several_handles import taken_over
-
-    if len(moving) > 1:
-        before = [column for column in weights.plan(edit) if column.handle in moving]
-    else:
-        before = weights.columns_of(edit, moving[0], edit.handles[moving[0]], split=True)
-    with_new = replace(edit, handles=(*edit.handles, handle))
-    own = weights.columns_of(with_new, len(edit.handles), handle, split=True)[0]
-    return taken_over(edit, handle, weights.rows.anchor(handle.place), own, before, weights.mesh)
 
 
 def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any]) -> Edit:

@@ -12,7 +12,7 @@ from dfd.editing.key_pose import KeyPose
 from dfd.editing.shape import PosedShape
 from dfd.editing.weights.fill import Band, Column, widest
 from dfd.export.joints import Joint
-from dfd.export.key_poses import posed_edit
+from dfd.export.key_poses import Step, posed_edit
 from dfd.mesh.file.edits import far_origin
 from dfd.mesh.file.text import UniqueNames
 from dfd.mesh.mesh import Mesh
@@ -60,8 +60,9 @@ class Rig:
     def moments(self) -> Iterator[tuple[str, Edit]]:
         """Yield the name and the edit of each pose: first the present edit, then each key pose."""
         yield "the edit", self.edit
-        for number, pose in enumerate(self.poses, 1):
-            yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
+        for number, pose in enumerate(self.poses):
+            passed = sum(isinstance(each, Step) for each in self.poses[:number])
+            yield pose.name or f"key pose {number + 1 - passed}", posed_edit(self.edit, pose)
 
     def posed(self, edit: Edit) -> Float64:
         """Return the result (V, 3) of `dfd.pose` for `edit`, which differs from the rig's edit only in transforms."""
@@ -90,7 +91,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     }
     # All poses share the weights. So blend bands, where weights fall at borders of parts, get the largest sizes needed.
     bands = _widest([edit, *(posed_edit(edit, pose) for pose in poses)], session)
-    weights, columns = session.bound.columns(edit, bands)
+    weights, columns = _one_for_each_pivot(*session.bound.columns(edit, bands))
     names, center, far = UniqueNames(), box_center(session.mesh), far_origin(session.mesh.vertices)
     origin = np.zeros(3) if far is None else far
     joints = [Joint(names.unique("root"), None, center, origin, np.eye(3), np.eye(4))]
@@ -116,10 +117,21 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     return Rig(session.mesh, edit, tuple(joints), origin, default, tuple(poses), posed, weights, of, sides)
 
 
-def _widest(edits: Sequence[Edit], session: Deformer) -> list[tuple[Band, ...]]:
+def _one_for_each_pivot(weights: Float32, columns: Sequence[Column]) -> tuple[Float32, tuple[Column, ...]]:
+    """Return the weights (V, C) with one column for all counterparts that share one pivot."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for number, column in enumerate(columns):
+        groups.setdefault((column.handle, column.counterpart.vertex), []).append(number)
+    if len(groups) == len(columns):
+        return weights, tuple(columns)
+    found = np.stack([weights[:, group].sum(axis=1) for group in groups.values()], axis=1)
+    return found, tuple(columns[first] for first, *_ in groups.values())
+
+
+def _widest(edits: Sequence[Edit], session: Deformer) -> list[Band]:
     """Return the blend bands (C,) of the columns of the first of `edits`, each as wide as the widest in all `edits`."""
     needed = zip(*(session.bound.bands(edits[0], edit) for edit in edits), strict=True)
-    return [tuple(widest(piece) for piece in zip(*each, strict=True)) for each in needed]
+    return [widest(each) for each in needed]
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:

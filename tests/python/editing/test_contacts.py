@@ -7,7 +7,7 @@ from made_tube import straight, tube
 
 import dfd
 from dfd.editing.weights.contacts import Contact, contacts_of, with_hanging
-from dfd.editing.weights.fill import Column, bands_for, filled, whole
+from dfd.editing.weights.fill import band_for, filled, whole
 from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import rotation_matrix
@@ -44,9 +44,9 @@ def session_of(mesh, labels):
 def held_weights(mesh, component, vertex, translation):
     """Return the weights (V,) of a handle at a vertex that moves the part `component` (N,)."""
     [held] = hold(mesh, component, vertex, mesh.vertices[vertex]).components
-    column = Column(0, held.counterpart, (whole(held),))
+    column = whole(0, held)
     affine = np.column_stack([np.eye(3), translation])
-    return filled([column], [bands_for(column, affine, np.eye(3, 4), mesh)], mesh)[:, 0]
+    return filled([column], [band_for(column, affine, np.eye(3, 4), mesh)], mesh)[:, 0]
 
 
 FEET = np.array([(x, 0.0, z) for x in (-0.4, 0.4) for z in (-0.4, 0.4)])

@@ -5,7 +5,7 @@ import pytest
 from prepared import sessions_on
 
 import dfd
-from dfd.editing.controls import Controls, controls_of, length_on
+from dfd.editing.controls import Controls, length_on
 from dfd.editing.points import Place
 from dfd.editing.regions import Ball, HalfSpace
 from dfd.editing.weights.axis_motions import bendable_parts
@@ -73,11 +73,8 @@ def test_a_radius_ends_smoothly_where_it_says(paper, geodesics_of, labeled, foot
     wanted = np.where(lengths[0] < 0.3, free * (1 - (lengths[0] / 0.3) ** 2) ** 2, 0)
     np.testing.assert_allclose(weights, wanted, atol=1e-6)
     assert weights[foot] == 1
-    paper.change(handle, locality=2.0)
-    assert paper.handle(handle).controls == controls_of("paper").changed(locality=2.0)
     paper.change(handle, radius="20%")
     assert paper.handle(handle).controls.radius == pytest.approx(0.2 * paper.mesh.diagonal)
-    assert paper.handle(handle).controls.locality == 0
     assert length_on(paper.mesh, "radius", "0.5") == 0.5
 
 

@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 import dfd
 from dfd.editing.edit import Edit, Fixed, symmetry_on
 from dfd.editing.points import Place
-from dfd.editing.shape import resting
-from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
 # --- posed vertices
@@ -49,22 +47,6 @@ def test_a_handle_at_rest_beside_a_moved_one_changes_nothing(deformer, mesh, sym
     np.testing.assert_allclose(deformer.vertices, alone, atol=1e-6 * mesh.diagonal)
     deformer.set_default(scale=2)
     assert np.abs(deformer.vertices - alone).max() > 0.05
-
-
-def test_with_the_preset_paper_the_session_is_bind_and_pose(paper, mesh, features):
-    paper.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
-    paper.add(900, scale=(1, 2, 1), pivot="point")
-    paper.fix(6)
-    transforms = [
-        Transform(translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=mesh.vertices[5]).matrix(),
-        Transform(scale=(1, 2, 1), pivot=mesh.vertices[900]).matrix(),
-    ]
-    weights = dfd.bind(features, [5, 900], fixed=[6])
-    assert weights.sum(axis=1).max() <= 1
-    np.testing.assert_array_equal(paper.weights, weights)
-    np.testing.assert_array_equal(paper.transforms, transforms)
-    posed = dfd.pose(mesh.vertices, weights, transforms, handles=[5, 900], overlap="paper")
-    np.testing.assert_array_equal(paper.vertices, posed)
 
 
 def test_a_handle_turns_about_the_pivot_that_it_is_told(deformer, mesh):
@@ -195,9 +177,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.add(7, scale=(1, 2)), r"Deformer.add: `scale` must be one number or 3"),
         (lambda d: d.add(7, scale=1e39), r"Deformer.add: `scale` must be numbers of at most 1e\+38, got 1e\+39"),
         (lambda d: d.move(1, translation=(0, -1e39, 0)), r"Deformer.move: `translation` must be numbers of at most"),
-        (lambda d: d.set_default(translation=(1e39, 0, 0)), r"Deformer.set_default: `translation` must be numbers of"),
         (lambda d: d.set_default(pivot=(1e39, 0, 0)), r"Deformer.set_default: `pivot` must be numbers of at most"),
-        (lambda d: d.set_symmetry("x", band=1e39), r"Deformer.set_symmetry: `band` must be at most 1e\+38"),
         (lambda d: d.set_symmetry("x=1e39"), r"Deformer.set_symmetry: `plane` must be at most 1e\+38"),
         (lambda d: d.add("component@" * 5000 + "5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
         (lambda d: d.add("component@ component@5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
@@ -288,11 +268,6 @@ def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, me
     both.add(other)
     np.testing.assert_array_equal(paper.vertices, both.vertices)
     assert np.abs(paper.vertices - alone).max() > 0.01
-
-
-def test_shapes_that_only_blend_bend_no_vertex(deformer, mesh):
-    deformer.add(5, translation=(0, 0.1, 0))
-    assert resting(deformer.bound, deformer.edit) is mesh.vertices
 
 
 @pytest.mark.parametrize("size", [3, 4])

@@ -117,7 +117,9 @@ def test_only_chosen_handles_move(tower):
     mesh, parts, _ = tower
     session, handles = session_on(tower)
     chosen = np.concatenate([parts[1][:5], parts[2][:5]])
+    session.move(handles[1], pivot=(1, 2, 3), rotation=(0, 20, 0))
     session.fit((chosen, mesh.vertices[chosen] + (0.2, 0, 0)), handles=handles[1:])
+    assert session.handle(handles[1]).pivot == (1, 2, 3), "a fit keeps a pivot that was set"
     assert session.handle(handles[0]).transform.rests
     np.testing.assert_allclose(session.vertices[parts[2]], mesh.vertices[parts[2]] + (0.2, 0, 0), atol=1e-5)
 

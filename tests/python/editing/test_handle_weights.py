@@ -5,13 +5,9 @@ from unittest import mock
 import numpy as np
 import pytest
 import reference
-from hypothesis import given
-from hypothesis import strategies as st
-from made_field import made_field
 
 import dfd
 from dfd.editing import shape
-from dfd.editing.edit import Edit
 from dfd.editing.weights import handle_features
 from dfd.field.field import Field
 
@@ -54,29 +50,6 @@ def test_columns_of_weights_equal_the_results_of_bind(paper, geodesics_of, featu
     np.testing.assert_array_equal(weights[:, 5:], near)
 
 
-def test_a_drag_recomputes_only_the_moving_handle_and_equals_a_pose(fresh, folds):
-    for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
-        deformer = fresh("paper")
-        handles = [deformer.add(vertex, translation=(0, 0.01 * vertex, 0), **ONE_PIVOT) for vertex in (5, 6, 7, 8, 9)]
-        deformer.set_symmetry(symmetry)
-        deformer.set_default(rotation=default)
-        assert deformer.weights.sum(axis=1).max() > 4
-        start = deformer.vertices
-        del folds[:]
-        for frame in range(1, 4):
-            deformer.move(handles[2], rotation=(0, 10 * frame, 0), scale=1 + 0.1 * frame, merge=frame > 1)
-            dragged = deformer.vertices
-        assert folds in ([1], [-1, 1])  # the first rotation may change the blend
-        whole = fresh()
-        whole.apply(deformer.edit)
-        np.testing.assert_allclose(dragged, whole.vertices, rtol=0, atol=1e-12)
-        assert np.abs(dragged - start).max() > 0.05
-        deformer.undo()
-        np.testing.assert_allclose(deformer.vertices, start, rtol=0, atol=1e-12)
-        deformer.redo()
-        np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
-
-
 def test_every_other_change_ends_a_drag(paper, fresh, folds):
     deformer = paper
     handles = [deformer.add(vertex, **ONE_PIVOT) for vertex in (5, 6, 7, 8, 9)]
@@ -92,6 +65,7 @@ def test_every_other_change_ends_a_drag(paper, fresh, folds):
         lambda: deformer.set_symmetry("x"),
         lambda: deformer.move(handles[1], scale=1.1),
         lambda: deformer.set_default(translation=(0, 0, 1)),
+        lambda: deformer.move(handles[2], scale=1.2),
         lambda: deformer.remove(handles[3]),
         lambda: deformer.change(handles[2], name="knee"),
     )
@@ -103,18 +77,10 @@ def test_every_other_change_ends_a_drag(paper, fresh, folds):
         other.apply(deformer.edit)
         with mock.patch.object(shape, "pose", dfd.pose):
             np.testing.assert_allclose(moved, other.vertices, rtol=0, atol=1e-12)
-    assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
+    assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, 1, -1]
 
 
 # --- distances
-
-
-def test_locality_is_each_handle_s_own(paper, geodesics_of):
-    geodesics = geodesics_of(paper)
-    paper.add(5, locality=3.0)
-    paper.add(900)
-    wanted = dfd.bind(paper.features, [5, 900], geodesic=geodesics.distances([5, 900]), locality=[3.0, 0.0])
-    np.testing.assert_array_equal(paper.weights, wanted)
 
 
 def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, mesh):
@@ -142,47 +108,6 @@ def test_in_the_paper_s_preset_distances_start_at_the_handle_alone(paper, geodes
     paper.add(5, locality=3.0)
     _ = paper.weights
     assert geodesics.asked == [[5]]
-
-
-# --- columns of weights
-
-
-STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
-
-
-@given(st.lists(st.tuples(STEPS, st.integers(0))))
-def test_weights_do_not_depend_on_earlier_steps(steps):
-    features = FEW.features(SMALL)
-    deformer = dfd.Deformer(SMALL, FEW, preset="paper", features=features)
-    held = []
-    for step, number in steps:
-        taken = [handle.place.vertex for handle in deformer.handles]
-        free = [vertex for vertex in range(len(SMALL.vertices)) if vertex not in taken]
-        if step == "add":
-            deformer.add(free[number % len(free)])
-        elif step == "remove" and taken:
-            deformer.remove(deformer.handles[number % len(taken)].id)
-        elif step == "change" and taken:
-            deformer.change(deformer.handles[number % len(taken)].id, at=free[number % len(free)])
-        elif step == "turn":
-            deformer.apply(Edit(handles=deformer.handles[::-1], preset="paper"))
-        elif step == "undo":
-            deformer.undo()
-        elif step == "redo":
-            deformer.redo()
-        elif step == "hold":
-            held.append((deformer.weights, deformer.weights.copy()))
-        elif step == "look":
-            now = [handle.place.vertex for handle in deformer.handles]
-            np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
-    now = [handle.place.vertex for handle in deformer.handles]
-    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
-    for array, copy in held:
-        np.testing.assert_array_equal(array, copy)
-
-
-SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
-FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
 
 
 # --- compact features

@@ -5,7 +5,6 @@ import pytest
 from made_field import field_of
 
 import dfd
-from dfd.editing.controls import Controls
 from dfd.editing.weights import held_part, session_weights
 from dfd.editing.weights.fill import Counterpart
 from dfd.export.rig import rig_of
@@ -216,16 +215,6 @@ def test_a_leg_follows_the_handle_on_it_instead_of_another_handle(session, sampl
     session.move(2, translation=(0, 0, 0))  # this handle is at rest, so its leg follows the first handle
     members = leg(sample, 2)
     np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, 0.2, 0), atol=1e-6)
-
-
-def test_counterparts_of_a_new_handle_have_their_own_pivots(session, mesh, foot):
-    handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", counterparts="own_pivot")
-    by_default = session.vertices
-    session.change(handle, counterparts="own_pivot")
-    np.testing.assert_array_equal(session.vertices, by_default)
-    session.change(handle, counterparts="shared_pivot")
-    assert (session.vertices != by_default).any()
 
 
 def test_a_rig_has_the_bands_of_its_widest_pose(mesh, field, sample, foot):

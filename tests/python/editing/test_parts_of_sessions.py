@@ -12,7 +12,6 @@ from dfd.editing.points import place_on
 from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import VertexSet
 from dfd.editing.weights import session_weights
-from dfd.editing.weights.of_handles import reach_of
 
 
 def test_a_part_is_a_region_that_holds_the_place(mesh, field):
@@ -85,7 +84,6 @@ def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(mesh, field
     assert weights[inside].mean() > 0.8
     away = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[inside][None], axis=2).min(axis=1)
     assert (weights[away > 0.05 * mesh.diagonal] == 0).all()
-    assert 0 < reach_of(session.bound, session.edit, session.handles[0]) <= 2
     session.save(tmp_path / "edit.json")
     again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
     assert again.handles[0].controls.reach == "part"
@@ -96,11 +94,10 @@ def test_on_a_shape_without_parts_the_features_give_the_weights():
     made = trimesh.creation.icosphere(3)
     ball = dfd.Mesh(made.vertices, made.faces)
     session = dfd.Deformer(ball, field_of(ball))
-    handle = session.add(0, translation=(0.1, 0.2, 0))
+    session.add(0, translation=(0.1, 0.2, 0))
     weights = dfd.bind(session.features, [0], reach=PARTLESS_REACH, falloff="smooth")
     np.testing.assert_allclose(session.weights, weights, atol=1e-6)
     np.testing.assert_allclose(session.following, weights, atol=1e-6)
-    assert reach_of(session.bound, session.edit, session.handle(handle)) == PARTLESS_REACH
     assert session.report().handles[0].note == "with weights by features, because it lies on no part"
     assert session.report().handles[0].arrived
 

@@ -227,13 +227,6 @@ def test_a_set_lies_where_its_positions_are_up_to_a_hundred_thousandth_of_the_si
         assert not chosen.lies_on(dfd.Mesh(own.vertices[:17], mesh.faces[:4]))
 
 
-def test_arrays_of_a_set_are_read_only(mesh):
-    chosen = VertexSet.of(mesh, [3, 17])
-    for values in (chosen.indices, chosen.positions):
-        with pytest.raises(ValueError, match="read-only"):
-            values[0] = 0
-
-
 def test_a_negative_index_counts_from_the_end(mesh):
     count = len(mesh.vertices)
     assert place_on(mesh, -2) == place_on(mesh, count - 2)

@@ -19,7 +19,6 @@ from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.controls import Controls
 from dfd.editing.report import largest_stretch
 from dfd.editing.weights import handle_features
-from dfd.editing.weights.of_handles import reach_of
 from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 
@@ -129,7 +128,6 @@ def told(name, gesture):
         "mean": moved.mean(axis=0).tolist(),
         "stretch": largest_stretch(sample.mesh.vertices, session.vertices, sample.mesh.faces),
         "weights": [session.weights.sum(axis=0).tolist(), session.following.sum(axis=0).tolist()],
-        "reach": [reach_of(session.bound, session.edit, handle) for handle in session.handles],
         "counterparts": [len(session.counterparts(handle.id)) for handle in session.handles],
         "vertices": session.vertices[some].round(5).tolist(),
     }

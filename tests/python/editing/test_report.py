@@ -43,15 +43,6 @@ def test_handles_that_look_alike_each_arrive(deformer, mesh):
     assert str(deformer.report()).endswith("all 4 handles arrived")
 
 
-def test_a_handle_that_fixed_points_hold_is_told_nothing_of_others(paper):
-    paper.add(5, translation=(0, 0.4, 0), reach=0.1)
-    paper.add(900, translation=(0, 0.4, 0), reach=0.1)
-    paper.fix(20)
-    report = paper.report()
-    assert not all(handle.arrived for handle in report.handles)
-    assert report.advice is None
-
-
 def test_mirrored_handles_are_named(deformer, mesh):
     vertex = int(mesh.vertices[:, 0].argmax())
     deformer.add(vertex, translation=(0, 0.1, 0))
@@ -119,6 +110,8 @@ def test_the_largest_stretch_is_that_of_moved_edges_that_are_not_tiny():
     posed[2, 1], posed[7, 2] = 3, 0.5
     assert largest_stretch(corners, posed, faces) == pytest.approx(3)
     assert largest_stretch(corners, 4 * corners + 0.5, faces) == pytest.approx(4)
+    for unit in (1e-9, 1e9):
+        assert largest_stretch(unit * corners, unit * posed, faces) == pytest.approx(3)
 
 
 @pytest.mark.parametrize(("scale", "mentioned"), [(1.04, False), (1.06, True), (1.5, True)])
@@ -173,10 +166,3 @@ def test_who_bends_a_part_without_an_axis_is_told_a_level_that_has_one(quadruped
     assert len(named) >= 2
     assert any(re.search(r"could bend \(level -?\d+ has one\)", said) for said in notes)
     assert all("turned as a whole" not in bent(at, level) for at, level in named)
-
-
-def test_the_stretch_does_not_depend_on_the_unit():
-    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], float)
-    posed = corners * (1, 3, 1)
-    for unit in (1e-9, 1.0, 1e9):
-        assert largest_stretch(unit * corners, unit * posed, np.array([(0, 1, 2)])) == pytest.approx(3)

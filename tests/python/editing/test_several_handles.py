@@ -12,6 +12,7 @@ from dfd.editing.weights.axis_motions import level_with_axis
 from dfd.editing.weights.several_handles import depths
 
 FRONT, BEHIND, LEFT = "0.115,0,0.245", "0.115,0,-0.29", "-0.115,0,0.245"
+KNEE = "0.115,0.2,0.245"  # on the leg of `FRONT`
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +72,18 @@ def test_a_given_motion_is_absolute_and_a_handle_on_resting_surface_rests(animal
     paper = fresh("paper")
     paper.add(FRONT, translation=(0.1, -0.2, 0))
     assert paper.handle(paper.add(BEHIND)).transform.rests
+
+
+def test_a_pivot_and_a_bend_do_not_depend_on_other_handles(animal):
+    _, fresh = animal
+    found = []
+    for first in ((), (KNEE,)):
+        session = fresh()
+        for place in first:
+            session.add(place, translation=(0.05, 0, 0))
+        handle = session.add(FRONT, rotation=(0, 0, 30), bend=20, joint="auto")
+        found.append(session.handle(handle).transform)
+    assert found[0] == found[1]
 
 
 def test_the_depth_of_a_component_is_above_that_of_each_carrier():

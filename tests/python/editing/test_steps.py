@@ -137,11 +137,3 @@ def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
     assert [handle.place.vertex for handle in moved.handles] == [None, None]
     np.testing.assert_allclose(moved.vertices[count:], deformer.vertices, atol=1e-3 * mesh.diagonal)
     assert np.abs(deformer.vertices - mesh.vertices).max() > 0.1
-
-
-def test_removing_a_handle_is_a_step_of_its_own(deformer):
-    handle = deformer.add(5)
-    deformer.move(handle, translation=(0, 0.1, 0))
-    deformer.remove(handle)
-    deformer.undo()
-    assert deformer.handle(handle).transform.translation == (0, 0.1, 0)

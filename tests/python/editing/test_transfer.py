@@ -8,7 +8,6 @@ import dfd
 from dfd.editing.edit import Edit
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import EditTransfer, transfer
-from dfd.editing.weights import handle_features
 from dfd.field.field import FieldOnMesh
 from dfd.geometry.topology import sample_surface
 from dfd.posing.transforms import Transform
@@ -81,16 +80,6 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     np.testing.assert_allclose(found.edit.default.translation, (0.3, 0, 0))
     assert found.similarity == pytest.approx({1: 1.0, 2: 1.0}, abs=1e-3)
     assert found.fixed_similarity == pytest.approx((1.0,), abs=1e-3)
-
-
-def test_on_the_same_mesh_with_compact_features_handles_stay(mesh, monkeypatch):
-    field = field_of(mesh, seed=3)
-    session = dfd.Deformer(mesh, field)
-    for vertex in (5, 600, 900):
-        session.add(vertex)
-    monkeypatch.setattr(handle_features, "MOST_EXACT", 1000)
-    found = transfer(session.edit, mesh, field, mesh, field).edit
-    assert [one.place.vertex for one in found.handles] == [5, 600, 900]
 
 
 def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, fields):

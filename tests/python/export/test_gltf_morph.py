@@ -33,9 +33,16 @@ def test_key_poses_are_targets_of_an_animation(session, tmp_path):
     one = session.add(40, rotation=(0, 160, 0))  # far, so the blend band is as wide as in the key pose
     poses = [dfd.KeyPose(0, {}), dfd.KeyPose(1.5, {one: Transform(rotation=(0, 200, 0))}, "turned")]
     report = dfd.export_rig(session, tmp_path / "morph.glb", form="morph", poses=poses)
-    assert report.targets == 3
+    assert report.targets == 6
     glb = Glb(tmp_path / "morph.glb")
-    assert glb.file.meshes[0].extras["targetNames"] == ["the edit", "key pose 1", "turned"]
+    assert glb.file.meshes[0].extras["targetNames"] == [
+        "the edit",
+        "key pose 1",
+        "turned, 1 of 4",
+        "turned, 2 of 4",
+        "turned, 3 of 4",
+        "turned",
+    ]
     faces, tolerance = session.mesh.faces, 2e-6 * session.mesh.diagonal
     assert np.abs(glb.triangles() - session.vertices[faces]).max() < tolerance
     rest = glb.triangles(glb.channels("dfd key poses", 0))

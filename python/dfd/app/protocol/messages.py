@@ -45,7 +45,7 @@ GIVEN: dict[str, Any] = {
     "excluded_counterparts": Annotated[tuple[Index, ...], Field(max_length=1000)],  # a vertex on each of them
 }
 SHOWN: dict[str, Any] = {
-    "reach": float,  # the feature distance; if the reach is "part", a distance with a similar effect
+    "reach": float,  # the feature distance; if the reach is "part", the one that may replace it
     "mask": int,  # number of vertices in the mask; 0 without a mask
     "excluded_counterparts": tuple[int, ...],  # a vertex on each of them
 }

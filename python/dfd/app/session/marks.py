@@ -16,11 +16,12 @@ class MarkedEdit(Edit):
     """An edit with the marks of the page. Undo also takes back marks, but files do not contain them."""
 
     marks: tuple[messages.Mark, ...] = ()
-    fitted: str | None = None  # what the newest fit warned of
 
 
-def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool) -> None:
+def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool) -> tuple[Edit, str | None]:
     """Replace the marks; if `fits`, fit the handles that move a mark. A mark without a target gets its present place.
+
+    Return the new edit, and what the fit warned of.
 
     Raises ValueError if the mesh lacks a vertex, or no handle moves a mark.
     """
@@ -32,6 +33,7 @@ def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool
         messages.Mark(vertex=mark.vertex, target=mark.target or tuple(place))
         for mark, place in zip(given, here, strict=True)
     )
+    said = None
     if fits:
         moved = np.flatnonzero(np.any(deformer.following[vertices], axis=0))
         handles = [deformer.handles[index].id for index in moved]
@@ -39,19 +41,13 @@ def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool
         with recorded_warnings() as warnings:
             deformer.fit(targets, handles=handles or None)
         said = ". ".join(str(each).partition(": ")[2] for each in warnings).replace("`targets`", "The marks") or None
-    else:
-        said = fitted(deformer.edit)
-    deformer.apply(MarkedEdit(**{**vars(deformer.edit), "marks": marks, "fitted": said}))
+    deformer.apply(MarkedEdit(**{**vars(deformer.edit), "marks": marks}))
+    return deformer.edit, said
 
 
 def marks_in(edit: Edit) -> tuple[messages.Mark, ...]:
     """Return the marks of an edit."""
     return edit.marks if isinstance(edit, MarkedEdit) else ()
-
-
-def fitted(edit: Edit) -> str | None:
-    """Return what the newest fit warned of."""
-    return edit.fitted if isinstance(edit, MarkedEdit) else None
 
 
 def marks_of(deformer: Deformer) -> tuple[messages.MarkState, ...]:

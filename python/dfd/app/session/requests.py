@@ -264,7 +264,12 @@ def set_marks(session: Session, marks: messages.Marks, fit: bool = True, merge: 
 
     Only handles that move a mark are fitted. With `merge`, successive changes are one step of undo.
     """
-    session.change(lambda deformer: replace_marks(deformer, marks, fit), "marks", merge=merge)
+    editing = session.require()
+
+    def work(deformer: Deformer) -> None:
+        editing.fitted = replace_marks(deformer, marks, fit)
+
+    session.change(work, "marks", merge=merge)
 
 
 @request

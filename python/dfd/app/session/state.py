@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol import messages
-from dfd.app.session.marks import fitted, marks_of
+from dfd.app.session.marks import marks_of
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.steps import Steps
 from dfd.common.linear_algebra import Float32, Float64
@@ -18,9 +18,9 @@ from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, band_on, box_center
+from dfd.editing.presets import PARTLESS_REACH
 from dfd.editing.regions import Region, members
 from dfd.editing.weights.fill import Band
-from dfd.editing.weights.of_handles import reach_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform, vector
 from dfd.symmetry.plane import SymmetryPlane
@@ -40,13 +40,14 @@ class Editing:
         self.planes: Mapping[Preset, Sequence[SymmetryPlane]] = {}  # planes of symmetry, by preset
         self.history = Steps(deformer)
         self.shown: Edit | None = None  # the edit that the page shows
+        self.fitted: tuple[Edit | None, str | None] = None, None  # the edit of the newest fit, and its warning
         self.unreported = False  # whether the report of the edit must still be sent
         self.pointed: tuple[int, int] | None = None  # the vertex and level of the latest probe, until `exact_probe`
         self.suggesting = False  # whether suggestions were asked for
         self.suggested: tuple[messages.Suggestion, ...] | None = None  # None until they are found
         self.sent: dict[bytes, int] = {}  # identifiers of the columns that the page has, by the hash of the weights
         self._count = 0  # number of columns that have been sent
-        self._bands: list[tuple[Band, ...]] = []  # the blend bands of the columns that the page has
+        self._bands: list[Band] = []  # the blend bands of the columns that the page has
         self._edit: Edit | None = None  # the edit for which the bands were compared last
 
     def exact_probe(self) -> tuple[int, int, Float32] | None:
@@ -67,7 +68,6 @@ class Editing:
         number = 1 + max((handle.id for handle in before.handles), default=0)
         edit = verbs.add(before, bound, number, at, name=None, level=level)
         weights, columns = bound.columns(edit, self._bands_shown_in(edit))
-        reach_of(bound, edit, edit.handle(number))  # `state` needs it after a click, and it is cached
         own = [i for i, column in enumerate(columns) if column.handle == len(before.handles)]
         found: Float32 = weights[:, own].sum(axis=1)
         return found
@@ -101,7 +101,7 @@ class Editing:
             states[column.handle] += (state,)
         return states, new
 
-    def _bands_shown_in(self, edit: Edit) -> list[tuple[Band, ...]]:
+    def _bands_shown_in(self, edit: Edit) -> list[Band]:
         """Return the blend bands of all columns of `edit`. Handles at rest have the bands of a short drag."""
         if edit.default is not None:
             return self.deformer.bound.bands(edit)
@@ -112,11 +112,9 @@ class Editing:
     def has_close_weights(self) -> bool:
         """Return whether the blend bands of the page's columns are nearly those of the present edit."""
         now = self.deformer.bound.bands(self.deformer.edit)
-        shown, present = (
-            np.array([size for each in bands for band in each for size in band]) for bands in (self._bands, now)
-        )
-        if [*map(len, self._bands)] != [*map(len, now)]:
+        if len(self._bands) != len(now):
             return False
+        shown, present = np.array(self._bands), np.array(now)
         return bool((np.maximum(shown, present) <= CLOSE * np.minimum(shown, present)).all())
 
     def state(self, columns: Sequence[ColumnStates], **common: Any) -> messages.StateMessage:
@@ -151,7 +149,7 @@ class Editing:
                 for pose in deformer.edit.poses
             ),
             marks=marks_of(deformer),
-            fitted=fitted(deformer.edit),
+            fitted=self.fitted[1] if self.fitted[0] is deformer.edit else None,
             can_undo=self.history.done > 0,
             can_redo=self.history.done < len(steps),
             steps=steps,
@@ -167,7 +165,7 @@ class Editing:
             "handle": handle.id,
             "pivot": handle.pivot,
             "pivot_set": transform.pivot is not None,
-            "reach": reach_of(self.deformer.bound, self.deformer.edit, handle),
+            "reach": PARTLESS_REACH if controls.reach == "part" else controls.reach,
             "origin": self.parts.origin(handle),
             "reach_by": controls.reach if isinstance(controls.reach, str) else "number",
             "excluded_counterparts": tuple(vertex for vertex in excluded if vertex is not None),

@@ -45,6 +45,7 @@ class BendablePart:
     handedness: float  # 1, or −1 for a mirror image, which twists in the opposite direction
     sections: Sections  # the vertices of the component in the order along its axis
     across: bool  # whether the component lies across the plane of symmetry
+    vertex: int  # the vertex of the counterpart on the component
 
     def bend(self, points: Float64, transform: Transform) -> None:
         """Bend and twist the vertices of the component in `points` (V, 3), in place, as `transform` defines."""
@@ -60,14 +61,13 @@ class BendablePart:
 def bendable_parts(session: SessionWeights, edit: Edit, handle: Handle) -> list[BendablePart]:
     """Return the connected components that follow a handle of `edit`, the component at the handle first.
 
-    They are those at rest, so the result does not depend on how far the handle moves. On the other side of the plane of
-    symmetry of `edit`, the handle acts mirrored.
+    They are those at rest, so they do not depend on motions. Beside handles that move, those components are left out
+    which follow another handle. Beyond the plane of symmetry of `edit`, the handle acts mirrored.
     """
-    number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
-    plan, anchor = session.plan(edit), session.rows.anchor(handle.place)
+    number = edit.number(handle)
 
     def find() -> list[BendablePart]:
-        own = [column for column in plan if column.handle == number]
+        anchor, own = session.rows.anchor(handle.place), session.columns_of(edit, handle)
         pairs = list(zip(filled_at_rest(own, session.mesh).T, own, strict=True))
         if all(column.component is not None for column in own):
             pieces = [piece for pair in pairs for piece in _pieces(session.axes, pair[0], [pair], anchor)]
@@ -77,8 +77,12 @@ def bendable_parts(session: SessionWeights, edit: Edit, handle: Handle) -> list[
         pieces = [*pieces[first : first + 1], *pieces[:first], *pieces[first + 1 :]]
         return [_part(session.mesh, piece, pieces[0][0], edit.symmetry) for piece in pieces]
 
-    key = (handle.place, handle.controls, edit.fixed, edit.symmetry, edit.preset, plan if edit.sharing else None)
-    return session.rows.kept.get("axes", key, find)
+    key = (handle.place, handle.controls, edit.fixed, edit.symmetry, edit.preset)
+    found = session.rows.kept.get("axes", key, find)
+    if number not in edit.sharing:
+        return found
+    owned = {column.vertex for column in session.plan(edit) if column.handle == number}
+    return [part for part in found if part.vertex in owned]
 
 
 def level_with_axis(session: SessionWeights, edit: Edit, handle: Handle) -> int | None:
@@ -86,7 +90,7 @@ def level_with_axis(session: SessionWeights, edit: Edit, handle: Handle) -> int 
     lowest, highest = session.parts_with(edit.symmetry).levels(session.rows.anchor(handle.place))
     for level in sorted(range(lowest, highest + 1), key=lambda level: abs(level - handle.controls.level)):
         other = replace(handle, controls=replace(handle.controls, level=level, reach="part"))
-        parts = bendable_parts(session, replace(edit, handles=(other,), poses=()), other)
+        parts = bendable_parts(session, edit, other)
         if parts and parts[0].slender:
             return level
     return None
@@ -144,7 +148,7 @@ def _part(
     if not slender and column.component is not None:
         vertices, parameter = _rising(column.component)
     carry = flat @ turn @ (handedness * frame)  # rotation vectors are pseudovectors
-    return BendablePart(axis, slender, amount, carry, handedness, Sections(vertices, parameter), across)
+    return BendablePart(axis, slender, amount, carry, handedness, Sections(vertices, parameter), across, column.vertex)
 
 
 def _is_one_piece(mesh: Mesh, axis: PartAxis) -> bool:

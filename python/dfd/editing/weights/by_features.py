@@ -18,8 +18,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.fill import Counterpart, Portion, whole
-from dfd.editing.weights.fixed_points import kept_by_fixed_points
+from dfd.editing.weights.fill import Column, Counterpart, whole
 from dfd.editing.weights.handle_features import HandleFeatures
 from dfd.editing.weights.held_part import HeldPart
 from dfd.geometry.coarse import Share
@@ -32,9 +31,6 @@ LEAST_LEFT = 0.01
 # `equalize` raises the weights of a counterpart if, without the factor of locality, they are at least this fraction of
 # those at the handle.
 LEAST_EQUALIZED = 0.1
-# As a number, the reach "part" is REACH_FACTOR times the REACH_QUANTILE quantile of the feature distances between the
-# handle and the vertices of the part, and at least LEAST_REACH.
-LEAST_REACH, REACH_QUANTILE, REACH_FACTOR = 0.1, 0.9, 2.0
 # If weights do not end at the part's border, each counterpart has a share of them at every mesh node.
 SHARE_POWER = 2  # shares are proportional to 1 / distance ** SHARE_POWER, before the cutoff
 SHARE_CUTOFF = 0.03  # at each mesh node, this fraction of the largest share is subtracted, and negative shares become 0
@@ -51,12 +47,6 @@ class Key(NamedTuple):
     fixed: tuple[Fixed, ...]
     reach_targets: bool  # see `Rules.reach_targets`
 
-    @property
-    def is_one(self) -> bool:
-        """Return whether all weights of the column are 1."""
-        controls = self.controls
-        return self.in_part and not (self.sources or self.fixed or controls.mask) and controls.strength == 1.0
-
 
 class WeightsByFeatures:
     """The weights of handles on one mesh by features, fixed points, distances and masks."""
@@ -64,50 +54,37 @@ class WeightsByFeatures:
     def __init__(self, mesh: Mesh, rows: HandleFeatures) -> None:
         self._mesh, self._rows, self._kept = mesh, rows, rows.kept
 
-    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
-        """Return the portion of each component of `held`; without a part, one portion with all weights.
+    def columns(
+        self, edit: Edit, number: int, held: HeldPart | None, own: Counterpart, *, equalize: bool
+    ) -> list[Column]:
+        """Return the column of each component of `held`; without a part, one column of the counterpart `own`.
 
         With `equalize`, similar counterparts move as much as the handle, except for locality and the mask.
         """
+        handle = edit.handles[number]
         in_part = held is not None and handle.controls.reach == "part"
-        key = self.key(handle, edit, in_part=in_part)
-        weights = None if key.is_one else self.of(key)
+        weights = self.of(self.key(handle, edit, in_part=in_part))
         if held is None or (len(held.components) == 1 and not in_part):
-            assert weights is not None, "only the weights of a part are 1"
-            return [Portion(_sparse(weights))]
-        factors = [1.0] * len(held.components)
-        equalize = equalize and handle.controls.follow != "none"
-        if equalize and weights is not None:
-            factors = self._equalizing(edit, handle, weights, [each.counterpart for each in held.components])
+            return [Column(number, own.vertex, own, _sparse(weights))]
+        places = [each.counterpart for each in held.components]
+        factors = [1.0] * len(places)
+        if equalize and handle.controls.follow != "none":
+            factors = self._equalizing(edit, handle, weights, places)
         if not in_part:
-            assert weights is not None, "only the weights of a part are 1"
             everywhere = self._kept.get("shares", held, lambda: shares_everywhere(held, self._mesh.diagonal))
             shares = [Share(each.vertices, weights[each.vertices] * each.values) for each in everywhere]
-            return [Portion(each) for each in (_equalized(weights, shares, factors) if equalize else shares)]
-        portions = [whole(each) for each in held.components]
-        if weights is not None:
-            most = weights.max(initial=0.0)
-            lowered = (np.minimum(weights * np.float32(factor), most) for factor in factors)
-            portions = [
-                each.scaled(lambda vertices, some=some: some[vertices])  # type: ignore[misc]
-                for each, some in zip(portions, lowered, strict=True)
-            ]
-        if not edit.fixed or not edit.rules.reach_targets:
-            return portions
-        kept = kept_by_fixed_points(self._rows, self._mesh.vertices, edit, handle, held)
-        return [portion.scaled(factor) for portion, factor in zip(portions, kept, strict=True)]
+            shares = _equalized(weights, shares, factors)
+            return [Column(number, each.vertex, each, some) for each, some in zip(places, shares, strict=True)]
+        most = weights.max(initial=0.0)
+        lowered = (np.minimum(weights * np.float32(factor), most) for factor in factors)
+        return [
+            whole(number, each).scaled(lambda vertices, some=some: some[vertices])  # type: ignore[misc]
+            for each, some in zip(held.components, lowered, strict=True)
+        ]
 
     def of(self, key: Key) -> Float32:
         """Return a column (V,) of weights (Eq. 4 to 7)."""
         return self._kept.get("column", key, lambda: self._bound(key))
-
-    def reach(self, place: Place, within: Float32) -> float:
-        """Return a feature distance with a similar effect as the reach "part", whose weights (V,) are `within`."""
-        # Unit vectors have a distance d of at most 2. So with a reach of 2, all weights are 1 − d / 2.
-        apart = 2.0 * (1.0 - bind(self._rows.features, self._rows.points([place]), reach=2.0)[:, 0])
-        inside = apart[within > 0.5]
-        widest = float(np.quantile(inside, REACH_QUANTILE)) if len(inside) else 0.0
-        return min(max(REACH_FACTOR * widest, LEAST_REACH), 2.0)
 
     def subtracted(self, fixed: tuple[Fixed, ...]) -> Float32:
         """Return the weight that fixed points p of strength s_p subtract at each vertex i, (V,): max_p s_p W_ip."""
@@ -125,16 +102,15 @@ class WeightsByFeatures:
 
         return self._kept.get("subtracted", fixed, find)
 
-    def check_targets(self, edit: Edit, handles: Sequence[Handle]) -> None:
-        """Raise ValueError if fixed points of `edit` leave one of `handles` too little weight to reach its target."""
-        for handle in handles:
-            left = self._left(edit.fixed, handle.place)
-            if left < LEAST_LEFT:
-                raise ArgumentError(
-                    "fixed",
-                    f"must leave handle {handle.id} at {handle.place} a weight of at least {LEAST_LEFT:g}, but leaves "
-                    f"{left:.2g}: a fixed point looks like the handle; lower its strength, or fix another place",
-                )
+    def check_left(self, edit: Edit, handle: Handle) -> None:
+        """Raise ValueError if fixed points leave a handle too little weight to reach its target."""
+        left = self._left(edit.fixed, handle.place)
+        if left < LEAST_LEFT:
+            raise ArgumentError(
+                "fixed",
+                f"must leave handle {handle.id} at {handle.place} a weight of at least {LEAST_LEFT:g}, but leaves "
+                f"{left:.2g}: a fixed point looks like the handle; lower its strength, or fix another place",
+            )
 
     def _left(self, fixed: tuple[Fixed, ...], place: Place) -> float:
         """Return the weight of a handle at its own place, in [0, 1], after the subtraction of fixed points (Eq. 6)."""

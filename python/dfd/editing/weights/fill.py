@@ -113,38 +113,35 @@ class Band(NamedTuple):
     drawn_outward: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Portion:
-    """The weights of a column on one component, or all weights of a column by features."""
-
-    still: Share  # weights that do not depend on the motion: those beyond the inner end of every band
-    component: Component | None = None  # the component with the blend bands; None if no weight depends on the motion
-    factor: Float32 | None = None  # (M,) factor of the weights at `Component.vertices`
-
-    def scaled(self, factor: Factor) -> Portion:
-        """Return the portion with all weights multiplied by `factor`, a function of vertices (N,)."""
-        still = Share(self.still.vertices, self.still.values * factor(self.still.vertices).astype(np.float32))
-        if self.component is None or self.factor is None:
-            return Portion(still)
-        return Portion(still, self.component, self.factor * factor(self.component.vertices).astype(np.float32))
-
-
-def whole(component: Component) -> Portion:
-    """Return the portion that moves a component, with no other factors than its share."""
-    return Portion(component.core, component, component.share)
+NO_BAND = Band(0.0, 0.0)  # of columns whose weights do not depend on the motion
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """One column of the weights (V, C): the handle and the counterpart to which it belongs."""
+    """One column of the weights (V, C): the weights of one component, or weights by features, and what moves it."""
 
     handle: int  # index of the handle in the edit
-    counterpart: Counterpart  # the handle itself if all of its counterparts share one pivot and this column
-    portions: tuple[Portion, ...]
+    vertex: int  # the vertex of the counterpart on the component
+    counterpart: Counterpart  # that counterpart, or the handle itself if all counterparts share one pivot
+    still: Share  # weights that do not depend on the motion: those beyond the inner end of every band
+    component: Component | None = None  # the component with the blend band; None if no weight depends on the motion
+    factor: Float32 | None = None  # (M,) factor of the weights at `Component.vertices`
     carriers: tuple[int, ...] = ()  # columns of other handles whose components contain this column's component
     depth: int = 0  # 0 without carriers; otherwise, above the depth of each carrier
     # crowd: of the first column of a group, the group, and the vertices (N,) at which its sum may be above 1
     crowd: tuple[list[int], Int64] | None = None
+
+    def of(self, component: Component) -> Column:
+        """Return the column with the weights of `component`, with no other factors than its share."""
+        return replace(self, still=component.core, component=component, factor=component.share)
+
+    def scaled(self, factor: Factor) -> Column:
+        """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
+        still = Share(self.still.vertices, self.still.values * factor(self.still.vertices).astype(np.float32))
+        if self.component is None or self.factor is None:
+            return replace(self, still=still)
+        values = self.factor * factor(self.component.vertices).astype(np.float32)
+        return replace(self, still=still, factor=values)
 
     def matrix(self, edit: Edit, most: float = np.inf) -> Float64:
         """Return the transform (3, 4) of the column, mesh units: the handle's transform, mapped to the counterpart.
@@ -166,26 +163,17 @@ class Column:
         turned = np.linalg.det(frame) * frame  # rotation vectors are pseudovectors
         return self.counterpart.position + frame @ offset, turned @ handle.transform.rotation
 
-    def scaled(self, factor: Factor) -> Column:
-        """Return the column with all weights multiplied by `factor`, a function of vertices (N,)."""
-        return replace(self, portions=tuple(each.scaled(factor) for each in self.portions))
-
-    @property
-    def component(self) -> Component | None:
-        """Return the component that the column moves; None if it moves several, or has weights by features."""
-        return self.portions[0].component if len(self.portions) == 1 else None
-
-    @property
-    def banded(self) -> bool:
-        """Return whether some weights depend on the motion."""
-        return any(each.component is not None for each in self.portions)
-
     @cached_property
     def support(self) -> Int64:
         """Return the vertices (N,) whose weight can be above 0, in any order; some are repeated."""
-        found = [each.still.vertices for each in self.portions]
-        found += [each.component.vertices for each in self.portions if each.component is not None]
-        return np.concatenate(found).astype(np.int64) if found else np.empty(0, np.int64)
+        banded = np.empty(0, np.int64) if self.component is None else self.component.vertices
+        return np.concatenate([self.still.vertices, banded]).astype(np.int64)
+
+
+def whole(handle: int, component: Component) -> Column:
+    """Return the column with which a handle moves a component."""
+    counterpart = component.counterpart
+    return Column(handle, counterpart.vertex, counterpart, component.core, component, component.share)
 
 
 def band_at_rest(component: Component, diagonal: float) -> Band:
@@ -244,17 +232,16 @@ def widest(bands: Sequence[Band]) -> Band:
     return Band(*map(max, zip(*bands, strict=True)))._replace(loose=min(band.loose for band in bands))
 
 
-def bands_of(column: Column, mesh: Mesh, edit: Edit) -> tuple[Band, ...]:
-    """Return the bands of the components of a column, for the motion of its handle in `edit`."""
+def band_in(column: Column, mesh: Mesh, edit: Edit) -> Band:
+    """Return the band of a column, for the motion of its handle in `edit`."""
     default = IDENTITY if edit.default is None else edit.default.matrix(box_center(mesh))
     # A border that comes back after a whole turn still needs a wide band.
-    return bands_for(column, column.matrix(edit, most=180.0), default, mesh)
+    return band_for(column, column.matrix(edit, most=180.0), default, mesh)
 
 
-def bands_for(column: Column, affine: Float64, default: Float64, mesh: Mesh) -> tuple[Band, ...]:
-    """Return the bands of the components of a column, which `affine` (3, 4) moves while `default` (3, 4) moves all."""
-    components = (each.component for each in column.portions)
-    return tuple(band_of(each, affine, default, mesh.diagonal) for each in components if each is not None)
+def band_for(column: Column, affine: Float64, default: Float64, mesh: Mesh) -> Band:
+    """Return the band of a column, which `affine` (3, 4) moves while `default` (3, 4) moves all."""
+    return NO_BAND if column.component is None else band_of(column.component, affine, default, mesh.diagonal)
 
 
 def weights_in(component: Component, band: Band) -> Float32:
@@ -277,35 +264,25 @@ def weights_at(depth: Float32, band: Band) -> Float32:
     return part * part * (np.float32(3.0) - 2 * part)
 
 
-def fill(column: Column, bands: Sequence[Band], weights: Float32, *, bands_only: bool = False) -> None:
-    """Write the weights of a column to `weights` (V,), which is 0 elsewhere, or was filled for other `bands`.
+def fill(column: Column, band: Band, weights: Float32, *, band_only: bool = False) -> None:
+    """Write the weights of a column to `weights` (V,), which is 0 elsewhere, or was filled for another band.
 
-    With `bands_only`, everything outside of bands is known to be filled already.
+    With `band_only`, everything outside of the band is known to be filled already.
     """
-    several, next_band = len(column.portions) > 1, iter(bands)
-    if several:
-        weights[:] = 0.0
-    for each in column.portions:
-        if each.component is not None and each.factor is not None:
-            _write(weights, each.component.vertices, each.factor * weights_in(each.component, next(next_band)), several)
-        if several or not bands_only:
-            _write(weights, each.still.vertices, each.still.values, several)
-    if several:
-        np.minimum(weights, 1.0, out=weights)
+    if column.component is not None and column.factor is not None:
+        weights[column.component.vertices] = column.factor * weights_in(column.component, band)
+    if not band_only:
+        weights[column.still.vertices] = column.still.values
 
 
-def _write(weights: Float32, vertices: NDArray[np.integer], values: Float32, added: bool) -> None:
-    weights[vertices] = weights[vertices] + values if added else values
-
-
-def filled(columns: Sequence[Column], bands: Sequence[Sequence[Band]], mesh: Mesh) -> Float32:
+def filled(columns: Sequence[Column], bands: Sequence[Band], mesh: Mesh) -> Float32:
     """Return the weights (V, C) of `columns`."""
     made = np.zeros((len(columns), len(mesh.vertices)), np.float32)
-    for column, each, row in zip(columns, bands, made, strict=True):
-        fill(column, each, row)
+    for column, band, row in zip(columns, bands, made, strict=True):
+        fill(column, band, row)
     return made.T
 
 
 def filled_at_rest(columns: Sequence[Column], mesh: Mesh) -> Float32:
     """Return the weights (V, C) of `columns` that do not move. They decide what a handle holds."""
-    return filled(columns, [bands_for(column, IDENTITY, IDENTITY, mesh) for column in columns], mesh)
+    return filled(columns, [band_for(column, IDENTITY, IDENTITY, mesh) for column in columns], mesh)

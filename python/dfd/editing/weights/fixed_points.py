@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.points import Place
 from dfd.editing.weights.fill import Counterpart
@@ -31,7 +31,8 @@ def kept_by_fixed_points(
     still = np.ones(len(held.components))  # factors of whole components
     dividing: list[tuple[Float64, float]] = []
     for fixed in edit.fixed:
-        where = held.components_of(_vertices(rows, fixed.place))
+        region = fixed.place.region
+        where = held.components_of(np.array([rows.anchor(fixed.place)]) if region is None else rows.members(region))
         if (where == 0).any():
             dividing.append((_positions(rows, points, fixed.place), fixed.strength))
         elif (where > 0).any():
@@ -72,10 +73,6 @@ def _factor(
 def _squares(points: Float64, places: Float64) -> Float64:
     """Return the squared distances (N,) of `points` (N, 3) from the nearest of `places` (M, 3)."""
     return np.asarray(np.square(cKDTree(places).query(points)[0]), np.float64)
-
-
-def _vertices(rows: HandleFeatures, place: Place) -> Int64:
-    return np.array([rows.anchor(place)]) if place.region is None else rows.members(place.region)
 
 
 def _positions(rows: HandleFeatures, points: Float64, place: Place) -> Float64:

@@ -3,10 +3,9 @@
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
-from dfd.editing.edit import Edit, Handle
-from dfd.editing.presets import PARTLESS_REACH
-from dfd.editing.weights.fill import Column, bands_for, bands_of, fill, filled, filled_at_rest, whole
-from dfd.editing.weights.held_part import HeldPart, hold
+from dfd.editing.edit import Edit
+from dfd.editing.weights.fill import band_for, band_in, filled, whole
+from dfd.editing.weights.held_part import hold
 from dfd.editing.weights.session_weights import SessionWeights
 from dfd.posing.pose import IDENTITY
 
@@ -15,13 +14,11 @@ def weights_of(session: SessionWeights, edit: Edit) -> Float32:
     """Return the weights (V, H) of Eq. 4 to 7: each column is for a handle and all its counterparts."""
     session.make_room(len(edit.handles))
     found = np.zeros((len(edit.handles), len(session.mesh.vertices)), np.float32)
-    for number, (handle, row) in enumerate(zip(edit.handles, found, strict=True)):
+    for handle, row in zip(edit.handles, found, strict=True):
         held = session.held(edit, handle) if handle.controls.reach == "part" else None
-        portions, own = session.portions(edit, handle, held, equalize=False), session.own(handle)
-        places = [own] if held is None else [each.counterpart for each in held.components]
-        columns = [Column(number, each, (one,)) for each, one in zip(places, portions, strict=True)]
-        bands = [band for column in columns for band in bands_of(column, session.mesh, edit)]
-        fill(Column(number, own, tuple(portions)), bands, row)
+        columns = session.all_columns(edit, handle, held, equalize=False)
+        bands = [band_in(column, session.mesh, edit) for column in columns]
+        np.minimum(filled(columns, bands, session.mesh).sum(axis=1), 1.0, out=row)
     return found.T
 
 
@@ -42,18 +39,8 @@ def probed(session: SessionWeights, vertex: int, level: int, affine: Float64) ->
     mesh, component = session.mesh, session.parts.components(vertex, level)
     if component is None:
         return None
-    column = _column_of(hold(mesh, np.minimum(component, 0), vertex, mesh.vertices[vertex]))
-    return filled([column], [bands_for(column, affine, IDENTITY, mesh)], mesh)[:, 0]
-
-
-def reach_of(session: SessionWeights, edit: Edit, handle: Handle) -> float:
-    """Return the handle's `reach`. For "part", return a feature distance with a similar effect."""
-    if handle.controls.reach != "part":
-        return handle.controls.reach
-    held = session.held(edit, handle)
-    if held is None:
-        return PARTLESS_REACH
-    return session.by_features.reach(handle.place, filled_at_rest([_column_of(held)], session.mesh)[:, 0])
+    column = whole(0, hold(mesh, np.minimum(component, 0), vertex, mesh.vertices[vertex]).components[0])
+    return filled([column], [band_for(column, affine, IDENTITY, mesh)], mesh)[:, 0]
 
 
 def check_targets(session: SessionWeights, edit: Edit) -> None:
@@ -61,17 +48,8 @@ def check_targets(session: SessionWeights, edit: Edit) -> None:
 
     A handle that moves a part always reaches its target, unless a fixed region contains it.
     """
-    if edit.rules.reach_targets:
-        lowered = [
-            handle
-            for handle in edit.handles
-            if any(session.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
-            or handle.controls.reach != "part"
-            or session.held(edit, handle) is None
-        ]
-        session.by_features.check_targets(edit, lowered)
-
-
-def _column_of(held: HeldPart) -> Column:
-    """Return a column that moves all components of a part."""
-    return Column(0, held.components[0].counterpart, tuple(whole(each) for each in held.components))
+    for handle in edit.handles if edit.rules.reach_targets else ():
+        contained = any(session.rows.holds(fixed.place, handle.place) for fixed in edit.fixed)
+        if not contained and handle.controls.reach == "part" and session.held(edit, handle) is not None:
+            continue
+        session.by_features.check_left(edit, handle)

@@ -6,6 +6,7 @@ place, level ─ part (segmentation) ─ held part ─ share (several handles) �
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float32
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.points import Place
-from dfd.editing.weights.fill import Band, Column, Counterpart, Portion, bands_of, filled, whole
+from dfd.editing.weights.fill import Band, Column, Counterpart, band_in, filled, whole
 from dfd.editing.weights.handle_features import MOST, SPARE, HandleFeatures
 from dfd.editing.weights.held_part import HeldPart, hold
 from dfd.field.field import Field
@@ -128,11 +129,19 @@ class SessionWeights:
             planes = planes or self._planes
         return hold(self.mesh, component, vertex, place.position, similar, planes, region, detach=detach)
 
-    def portions(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Portion]:
-        """Return the portion of each component of `held`: all of it, unless a control or a fixed point lowers it."""
-        if held is not None and _is_plain(handle, edit):
-            return [whole(each) for each in held.components]
-        return self.by_features.portions(edit, handle, held, equalize=equalize)
+    def all_columns(self, edit: Edit, handle: Handle, held: HeldPart | None, *, equalize: bool) -> list[Column]:
+        """Return a column for each component of `held`; without a part, one column with weights by features."""
+        number, in_part = edit.number(handle), held is not None and handle.controls.reach == "part"
+        if held is None or not in_part or _lowers(handle, edit):
+            columns = self.by_features.columns(edit, number, held, self.own(handle), equalize=equalize)
+        else:
+            columns = [whole(number, each) for each in held.components]
+        if held is None or not in_part or not edit.fixed or not edit.rules.reach_targets:
+            return columns
+        from dfd.editing.weights.fixed_points import kept_by_fixed_points
+
+        kept = kept_by_fixed_points(self.rows, self.mesh.vertices, edit, handle, held)
+        return [column.scaled(factor) for column, factor in zip(columns, kept, strict=True)]
 
     def counterparts(self, handle: Handle, held: HeldPart | None) -> list[tuple[Counterpart, bool]]:
         """Return the counterparts of a handle, which holds `held`, and whether each moves. The first is the handle.
@@ -151,20 +160,18 @@ class SessionWeights:
         return [(each.counterpart, moves) for each, moves in zip(held.components, moving, strict=True)]
 
     def own(self, handle: Handle) -> Counterpart:
-        """Return the handle itself as a counterpart, for a column that all counterparts of the handle share."""
+        """Return the handle itself as a counterpart."""
         return Counterpart(self.rows.anchor(handle.place), handle.place.position, np.eye(3))
 
-    def columns_of(self, edit: Edit, number: int, handle: Handle, *, split: bool) -> list[Column]:
-        """Return the columns of a handle. With `split`, each counterpart has a column of its own."""
+    def columns_of(self, edit: Edit, handle: Handle) -> list[Column]:
+        """Return the columns of a handle: one for each counterpart that moves."""
         # place, level → part → held part: depths d, shares s and distances a of Eq. 9, and the limits of Eq. 10 to 12
         held = self.held(edit, handle) if _needs_counterparts(handle, edit) else None
         # what controls and fixed points leave of each component, and which components move
-        portions = self.portions(edit, handle, held, equalize=edit.rules.equalize)
-        counterparts, own = self.counterparts(handle, held), self.own(handle)
-        moving = [(each, part) for (each, moves), part in zip(counterparts, portions, strict=True) if moves]
-        if not split:
-            return [Column(number, own, tuple(part for _, part in moving))]
-        return [Column(number, each if is_split(handle) else own, (part,)) for each, part in moving]
+        columns = self.all_columns(edit, handle, held, equalize=edit.rules.equalize)
+        moving = [moves for _, moves in self.counterparts(handle, held)]
+        found = [column for column, moves in zip(columns, moving, strict=True) if moves]
+        return found if is_split(handle) else [replace(column, counterpart=found[0].counterpart) for column in found]
 
     # --- for all handles: columns → bands for the motions → weights
 
@@ -179,11 +186,7 @@ class SessionWeights:
 
     def _planned(self, edit: Edit) -> tuple[Column, ...]:
         self.make_room(len(edit.handles))
-        columns = [
-            column
-            for number, handle in enumerate(edit.handles)
-            for column in self.columns_of(edit, number, handle, split=number in edit.sharing or is_split(handle))
-        ]
+        columns = [column for handle in edit.handles for column in self.columns_of(edit, handle)]
         if not edit.sharing:
             return tuple(columns)
         from dfd.editing.weights.several_handles import shared
@@ -191,16 +194,14 @@ class SessionWeights:
         vertex_of = {number: self.rows.anchor(edit.handles[number].place) for number in edit.sharing}
         return shared(columns, vertex_of, self.mesh)
 
-    def bands(self, edit: Edit, moved: Edit | None = None) -> list[tuple[Band, ...]]:
+    def bands(self, edit: Edit, moved: Edit | None = None) -> list[Band]:
         """Return the blend bands of all columns of the plan of `edit` (Eq. 10 to 12), for the motions of `moved`.
 
         If `moved` is None, the motions are those of `edit`.
         """
-        return [bands_of(column, self.mesh, moved or edit) for column in self.plan(edit)]
+        return [band_in(column, self.mesh, moved or edit) for column in self.plan(edit)]
 
-    def columns(
-        self, edit: Edit, bands: Sequence[tuple[Band, ...]] | None = None
-    ) -> tuple[Float32, tuple[Column, ...]]:
+    def columns(self, edit: Edit, bands: Sequence[Band] | None = None) -> tuple[Float32, tuple[Column, ...]]:
         """Return the weights (V, C), read-only, one or more columns per handle, and these columns (Eq. 9).
 
         `bands` are the blend bands of the columns. If it is None, the handles' transforms determine them.
@@ -221,7 +222,7 @@ class SessionWeights:
 
 
 def is_split(handle: Handle) -> bool:
-    """Return whether each counterpart of a handle has its own column."""
+    """Return whether each counterpart of a handle has its own pivot."""
     return handle.controls.counterparts != "shared_pivot"
 
 
@@ -231,8 +232,10 @@ def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
     return controls.reach == "part" or is_split(handle) or equalize or controls.excluded_counterparts != ()
 
 
-def _is_plain(handle: Handle, edit: Edit) -> bool:
-    """Return whether no control and no fixed point lowers the weights of the part that a handle holds."""
+def _lowers(handle: Handle, edit: Edit) -> bool:
+    """Return whether a control, or Eq. 6 of fixed points, lowers the weights of the part that a handle holds."""
     controls = handle.controls
-    lowers = controls.locality > 0 or controls.radius is not None or controls.strength != 1 or controls.mask is not None
-    return controls.reach == "part" and not lowers and not edit.fixed
+    near = controls.locality > 0 or controls.radius is not None
+    return (
+        near or controls.strength != 1 or controls.mask is not None or bool(edit.fixed and not edit.rules.reach_targets)
+    )

@@ -5,18 +5,24 @@ counterpart. So each component has one owner, and a counterpart never takes weig
 another component follows the handles of both.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest, whole
+from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
+
+if TYPE_CHECKING:
+    from dfd.editing.weights.session_weights import SessionWeights
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_IOU = 0.5  # two components count as the same if their intersection over union is above this
@@ -73,19 +79,23 @@ def limited(columns: Sequence[Column], weights: Float32) -> Float32:
     return weights
 
 
-def taken_over(edit: Edit, handle: Handle, vertex: int, own: Column, before: Sequence[Column], mesh: Mesh) -> Transform:
-    """Return the motion that the handles of `edit` give to the component at a new handle at `vertex`.
+def taken_over(session: SessionWeights, edit: Edit, handle: Handle) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new `handle`.
 
-    `own` is the column of the component at the new handle, and `before` are those of the moving handles. The motion is
-    that of the handle that moves the same component, and none if there is no such handle, or if it bends. With the
-    motion of a larger or smaller component, the shape would change at once.
+    The motion is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
+    With the motion of a larger or smaller component, the shape would change at once.
     """
-    weights, (samples, sizes) = filled_at_rest([own, *before], mesh).T, _samples(mesh)
+    if edit.rules.overlap != "add":
+        return handle.transform
+    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+    before = [column for column in session.plan(edit) if column.handle in moving]
+    own = session.columns_of(replace(edit, handles=(*edit.handles, handle)), handle)[0]
+    weights, (samples, sizes) = filled_at_rest([own, *before], session.mesh).T, _samples(session.mesh)
     held = supports(weights[:, samples])
     same = (held[1:] & held[0]) @ sizes >= TAKEN_OVER * ((held[1:] | held[0]) @ sizes)
     if not same.any():
         return handle.transform
-    found = before[int(np.where(same, weights[1:, vertex], -1.0).argmax())]
+    found = before[int(np.where(same, weights[1:, own.vertex], -1.0).argmax())]
     source = edit.handles[found.handle]
     if source.transform.bends:
         return handle.transform
@@ -164,20 +174,20 @@ def sharing(columns: Sequence[Column], vertex_of: dict[int, int], same: Bool) ->
         others = [j for j in vertex_of if j > first and same[first, j]]
         if not others or not _is_plain(result[first]):
             continue
-        component, sharers = result[first].portions[0].component, [first]
+        component, sharers = result[first].component, [first]
         for j in others:
             limit = None if component is None else component.limited(vertex_of[j])
             if _is_plain(result[j]) and limit is not None:
                 component, sharers = limit, [*sharers, j]
         assert component is not None
         for j in sharers:
-            result[j] = replace(result[j], portions=(whole(component),))
+            result[j] = result[j].of(component)
     return result
 
 
 def _is_plain(column: Column) -> bool:
     """Return whether a column moves one component, with weights that only the component determines."""
-    return column.component is not None and column.portions[0].factor is column.component.share
+    return column.component is not None and column.factor is column.component.share
 
 
 def divided(

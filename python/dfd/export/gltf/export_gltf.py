@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dfd.editing.key_pose import KeyPose
 from dfd.export.gltf import morph, skin
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.key_poses import slopes
 from dfd.export.report import RigReport, report_of
 from dfd.export.rig import Rig
 from dfd.export.skinning import difference_of, skin_of
@@ -76,9 +77,8 @@ def _with_tangents(values: NDArray[Any], poses: Sequence[KeyPose]) -> NDArray[An
         signs = np.where((at[1:] * at[:-1]).sum(axis=1) < 0, -1.0, 1.0)
         at[1:] *= np.cumprod(signs)[:, None]
     seconds = np.array([pose.seconds for pose in poses], np.float64)
-    moves = np.array([not pose.ease for pose in poses], np.float64)[:, None]
     speed = np.diff(at, axis=0) / np.maximum(np.diff(seconds), 1e-9)[:, None]
-    still = np.zeros((1, at.shape[1]))
-    before, after = moves * np.concatenate([still, speed]), moves * np.concatenate([speed, still])
+    still, (start, end) = np.zeros((1, at.shape[1])), slopes(poses).T[:, :, None]
+    before, after = np.concatenate([still, end * speed]), np.concatenate([start * speed, still])
     triples = np.stack([before, at, after], axis=1)
     return triples.reshape(-1, values.shape[1]) if values.ndim == 2 else triples.ravel()

@@ -138,17 +138,24 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-/** Interpolate rotations along the shorter arc, other values linearly. Axes, joint and `pivot_at` are those of `b`. */
+/**
+ * Interpolate all values linearly, also rotation vectors: on the way to a key of 270°, a part turns by 270°. A pose takes
+ * a missing pivot or axes, and without a bend also the joint, from the other one. Exports use the same rule
+ * (`dfd.export.key_poses.between`).
+ */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => new Vector3(...u).lerp(new Vector3(...v), t).toArray();
+  const [from, to] = [a.pivot ?? b.pivot, b.pivot ?? a.pivot];
   return {
-    ...b,
     translation: mix(a.translation, b.translation),
-    rotation: rotationOf(quaternionOf(a.rotation).slerp(quaternionOf(b.rotation), t)),
+    rotation: mix(a.rotation, b.rotation),
     scale: mix(a.scale, b.scale),
-    pivot: a.pivot && b.pivot ? mix(a.pivot, b.pivot) : b.pivot,
+    pivot: from && to && mix(from, to),
+    pivot_at: b.pivot ? b.pivot_at : a.pivot_at,
+    axes: b.axes ?? a.axes,
     bend: mix(a.bend, b.bend),
     twist: MathUtils.lerp(a.twist, b.twist, t),
+    joint: b.twist !== 0 || b.bend.some((angle) => angle !== 0) ? b.joint : a.joint,
   };
 }
 

@@ -73,11 +73,6 @@ describe("interpolate", () => {
     close(half.rotation, [0, 45, 0], 8);
     expect([half.scale, half.twist]).toEqual([[2, 1, 1], 2]);
   });
-
-  it("turns along the shorter arc", () => {
-    const turned = (degrees: number): Transform => ({ ...REST, rotation: [0, 0, degrees] });
-    expect(Math.abs(interpolate(turned(170), turned(-170), 0.5).rotation[2])).toBeCloseTo(180, 6);
-  });
 });
 
 describe("reflection", () => {

@@ -3,6 +3,7 @@ import { describe, expect, it } from "vitest";
 import { eased, momentAt } from "../../src/actions/timeline";
 import type { KeyPose } from "../../src/protocol/messages";
 import { REST } from "../../src/posing/affine";
+import shared from "./moments.json";
 
 const pose = (seconds: number, y: number, handle = 1): KeyPose => ({
   name: `at ${seconds}`,
@@ -26,6 +27,19 @@ describe("momentAt", () => {
     const mixed = [pose(0, 2, 1), pose(1, 2, 2)];
     expect(momentAt(mixed, 0.5).get(1)?.translation).toEqual([0, 1, 0]);
     expect(momentAt(mixed, 1).get(1)).toEqual(REST);
+  });
+
+  it("shows the moments of the file that the tests of exports also read", () => {
+    const close = (value: unknown): unknown =>
+      typeof value === "number" ? expect.closeTo(value, 9) : Array.isArray(value) ? value.map(close) : value;
+    for (const { seconds, transforms } of shared.moments) {
+      const shown = momentAt(shared.poses as unknown as KeyPose[], seconds);
+      for (const [handle, wanted] of Object.entries<object>(transforms)) {
+        const all: Record<string, unknown> = { ...REST, ...wanted };
+        for (const key of Object.keys(all)) all[key] = close(all[key]);
+        expect(shown.get(Number(handle))).toEqual(all);
+      }
+    }
   });
 });
 
