@@ -1,9 +1,9 @@
 """Keep the edit of each mesh in the user's data folder, so that closing a session or its program loses nothing.
 
 The edit of a mesh is the edit file `edits/KEY.json` in the data folder (`dfd.common.files.data_directory`). KEY is the
-mesh's content hash. Its name for lists is in `KEY.name`, and its picture in `KEY.picture`. A session locks the file
-while the mesh is open. If another session has the mesh open, a session starts with a copy of its edit, and keeps the
-copy under the key HASH-2, HASH-3 and so on.
+mesh's content hash. Its name for lists is in `KEY.name`, its picture in `KEY.picture`, and its marks in `KEY.marks`. A
+session locks the file while the mesh is open. If another session has the mesh open, a session starts with a copy of its
+edit, and keeps the copy under the key HASH-2, HASH-3 and so on.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from dfd.app.session.marks import marks_text, with_marks
 from dfd.common.files import data_directory, write_file
 from dfd.editing.edit import Edit
 from dfd.editing.edit_file import MadeOn, read_edit, write_edit
@@ -31,6 +32,7 @@ LONGEST_UNSAVED = 2.0  # seconds; during continuous work, an edit is stored at l
 LEAVES = 1.0  # seconds in which a session whose tab was just closed stores and unlocks its edit
 RESTORABLE = 3600.0  # seconds for which a deleted edit can be restored
 DELETED = ".deleted"  # ending of the file of a deleted edit
+BESIDE = (".name", ".picture", ".marks")  # endings of the files beside an edit
 LIMIT = 2 << 30  # largest total size of the stored mesh files in bytes; above it, those of the oldest edits are removed
 
 
@@ -64,41 +66,29 @@ class KeptEdit:
         self._since: float | None = None  # time of the first change since then
         own = mesh.content_hash
         first = key if key is not None and key.partition("-")[0] == own else own
-        self._folder = _folder()
-        self._folder.mkdir(parents=True, exist_ok=True)
+        _folder().mkdir(parents=True, exist_ok=True)
         self.is_copy = not self._lock(first)
         if self.is_copy:
             self._lock_free()
-        other = None if key is None or self._file(first).exists() else key
-        self._start = self._file(first if other is None else other)
+        other = None if key is None or _file(first).exists() else key
+        self._start = _file(first if other is None else other)
         self._stamp: tuple[int, int] | None = None  # time and size of the file that was read or written last
 
     def _lock(self, key: str) -> bool:
         """Lock the kept edit `key`; return False if another session has locked it."""
-        lock = FileLock(self._folder / f".{key}.lock")
-        try:
-            lock.acquire(timeout=LEAVES, poll_interval=0.02)
-        except Timeout:
-            return False
-        self._locked, self.key = lock, key
-        return True
+        lock = _locked(key)
+        if lock is not None:
+            self._locked, self.key = lock, key
+        return lock is not None
 
     def _lock_free(self) -> None:
         """Lock the first key of this mesh that has no file and that no session has locked."""
-        next(key for key in self._free() if self._lock(key))
-
-    def _free(self) -> Iterator[str]:
-        """Yield the keys of copies that have no file."""
-        own = self._mesh.content_hash
-        return (key for number in count(2) if not self._file(key := f"{own}-{number}").exists())
-
-    def _file(self, key: str) -> Path:
-        return self._folder / f"{key}.json"
+        next(key for key in _free(self._mesh.content_hash) if self._lock(key))
 
     @property
     def path(self) -> Path:
         """Return the path of the edit file, which may not exist yet."""
-        return self._file(self.key)
+        return _file(self.key)
 
     def read(self) -> Edit | None:
         """Return the edit with which the session starts, or None if the mesh has no kept edit.
@@ -116,7 +106,7 @@ class KeptEdit:
             reason = str(error).removeprefix(f"{self._start}: ")
             raise ValueError(f"The kept edit cannot be read, and is now in the file {aside.name}: {reason}") from error
         self._stamp = self._state()
-        return edit
+        return with_marks(edit, _text(self._start.with_suffix(".marks")) or "")
 
     def begin(self, edit: Edit) -> None:
         """Take `edit` as the first state, which needs not be stored."""
@@ -146,6 +136,7 @@ class KeptEdit:
         try:
             stored = {name: self._stored(getattr(made_on, name)) for name in ("mesh", "field")}
             write_edit(self.path, edit, self._mesh, made_on=replace(made_on, **stored))
+            write_file(self.path.with_suffix(".marks"), marks_text(edit))
         except OSError as error:
             raise OSError(f"Your edit could not be stored: {os.strerror(error.errno or 0)}") from error
         self._start, self._stamp = self.path, self._state()
@@ -157,14 +148,15 @@ class KeptEdit:
         With `move`, nothing stays under the present key.
         """
         if self.path.exists():
-            _copy(self.key, next(self._free()))
+            _copy(self.key, next(_free(self.key)))
             if move:
-                _remove(self.key, everything=False)
+                for ending in (".json", *BESIDE):
+                    self.path.with_suffix(ending).unlink(missing_ok=True)
 
     def keep_picture(self, picture: str) -> None:
         """Store a small picture of the edit, a data: URL."""
         if self._locked.is_locked and self.path.exists():
-            write_file(_beside(self.key, "picture"), picture)
+            write_file(self.path.with_suffix(".picture"), picture)
 
     def _stored(self, path: str | None) -> str | None:
         """Return a path at which a file of the shape stays. The files of an upload are copied beside the edit."""
@@ -176,7 +168,7 @@ class KeptEdit:
             unfinished = copy.with_name(f".{upload}")
             shutil.copytree(self._uploads / upload, unfinished, copy_function=_link_or_copy, dirs_exist_ok=True)
             unfinished.replace(copy)
-            _clean(self._folder, self.path.with_suffix(""))
+            _clean(self.path.with_suffix(""))
         return str(copy.joinpath(*rest))
 
     def release(self) -> None:
@@ -207,36 +199,28 @@ class KeptEdit:
 
 def recent_edits(most: int) -> list[RecentEdit]:
     """Return at most `most` kept edits, the last changed first. Damaged files are left out."""
-    found: list[RecentEdit] = []
-    for path in _by_age(_folder()):
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            found.append(_recent(path))
-        if len(found) == most:
-            break
-    return found
+    return list(islice(filter(None, map(_recent, _by_age())), most))
 
 
 def find_recent(key: str) -> RecentEdit:
     """Return the kept edit `key`. Raises ValueError if there is none."""
-    if KEY.fullmatch(key):
-        with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            return _recent(_folder() / f"{key}.json")
-    raise ValueError("This edit is no longer kept")
+    found = _recent(_file(key)) if KEY.fullmatch(key) else None
+    if found is None:
+        raise ValueError("This edit is no longer kept")
+    return found
 
 
 def rename_kept(key: str, name: str) -> None:
     """Give a kept edit a name for the list of recent shapes. Raises ValueError if there is no such edit."""
     find_recent(key)
-    write_file(_beside(key, "name"), name)
+    write_file(_file(key).with_suffix(".name"), name)
 
 
 def duplicate_kept(key: str) -> None:
     """Copy a kept edit, with its stored mesh files. Raises ValueError if there is no such edit."""
-    found = find_recent(key)
-    own = key.partition("-")[0]
-    copy = next(other for number in count(2) if not (_folder() / f"{(other := f'{own}-{number}')}.json").exists())
+    found, copy = find_recent(key), next(_free(key))
     _copy(key, copy)
-    write_file(_beside(copy, "name"), f"{found.name} copy")
+    rename_kept(copy, f"{found.name} copy")
 
 
 def delete_kept(key: str) -> None:
@@ -245,92 +229,97 @@ def delete_kept(key: str) -> None:
     Raises ValueError if there is no such edit, or it is open.
     """
     find_recent(key)
-    lock = FileLock(_folder() / f".{key}.lock")
-    try:
-        lock.acquire(timeout=LEAVES, poll_interval=0.02)
-    except Timeout:
-        raise ValueError("This edit is open in another tab: close it there first") from None
+    lock = _locked(key)
+    if lock is None:
+        raise ValueError("This edit is open in another tab: close it there first")
     try:
         for old in _folder().glob(f"*{DELETED}"):
             if time.time() - old.stat().st_ctime > RESTORABLE:
-                old.unlink(missing_ok=True)
-                _remove(old.name.removesuffix(DELETED))
-        (_folder() / f"{key}.json").replace(_folder() / f"{key}{DELETED}")
+                for ending in (DELETED, *BESIDE):
+                    old.with_suffix(ending).unlink(missing_ok=True)
+                shutil.rmtree(old.with_suffix(""), ignore_errors=True)
+        _file(key).replace(_file(key).with_suffix(DELETED))
     finally:
         lock.release()
 
 
 def restore_kept(key: str) -> None:
     """Bring back an edit that `delete_kept` removed. Raises ValueError if it is gone."""
-    deleted = _folder() / f"{key}{DELETED}"
-    if not KEY.fullmatch(key) or not deleted.is_file() or (_folder() / f"{key}.json").exists():
+    path = _file(key)
+    if not KEY.fullmatch(key) or not path.with_suffix(DELETED).is_file() or path.exists():
         raise ValueError("This edit is no longer kept")
-    deleted.replace(_folder() / f"{key}.json")
+    path.with_suffix(DELETED).replace(path)
 
 
-def _beside(key: str, what: str) -> Path:
-    """Return the file of the name or the picture of a kept edit."""
-    return _folder() / f"{key}.{what}"
+def _file(key: str) -> Path:
+    return _folder() / f"{key}.json"
+
+
+def _locked(key: str) -> FileLock | None:
+    """Return the lock of a kept edit, or None if another session has locked the edit."""
+    lock = FileLock(_folder() / f".{key}.lock")
+    with suppress(Timeout):
+        lock.acquire(timeout=LEAVES, poll_interval=0.02)
+        return lock
+    return None
+
+
+def _free(key: str) -> Iterator[str]:
+    """Yield the keys of copies, of the mesh of the edit `key`, that have no file."""
+    own = key.partition("-")[0]
+    return (copy for number in count(2) if not _file(copy := f"{own}-{number}").exists())
 
 
 def _copy(key: str, other: str) -> None:
-    """Copy a kept edit, its name, its picture and its stored files."""
-    folder = _folder()
-    stored = folder / key
+    """Copy a kept edit, the files beside it, and its stored files."""
+    stored = _folder() / key
     if stored.is_dir():
-        shutil.copytree(stored, folder / other, copy_function=_link_or_copy, dirs_exist_ok=True)
-    document = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
+        shutil.copytree(stored, _folder() / other, copy_function=_link_or_copy, dirs_exist_ok=True)
+    document = json.loads(_file(key).read_text(encoding="utf-8"))
     for name in ("mesh", "field"):
         path = document["made_on"][name]
         if path is not None and path.startswith(f"{key}/"):
             document["made_on"][name] = f"{other}/{path.removeprefix(f'{key}/')}"
-    for what in ("name", "picture"):
+    for ending in BESIDE:
         with suppress(FileNotFoundError):
-            shutil.copy2(_beside(key, what), _beside(other, what))
-    write_file(folder / f"{other}.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+            shutil.copy2(_file(key).with_suffix(ending), _file(other).with_suffix(ending))
+    write_file(_file(other), json.dumps(document, indent=2, ensure_ascii=False) + "\n")
 
 
-def _remove(key: str, *, everything: bool = True) -> None:
-    """Remove a kept edit with its name and picture; with `everything`, also its stored files."""
-    for path in (_folder() / f"{key}.json", _beside(key, "name"), _beside(key, "picture")):
-        path.unlink(missing_ok=True)
-    if everything:
-        shutil.rmtree(_folder() / key, ignore_errors=True)
-
-
-def _recent(path: Path) -> RecentEdit:
-    document = json.loads(path.read_text(encoding="utf-8"))
-    made_on, key = document["made_on"], path.stem
-    files = (path.parent / made_on[key] if made_on[key] else None for key in ("mesh", "field"))
-    mesh, field = (file if file is not None and file.is_file() else None for file in files)
-    source, handles = str(made_on["name"] or "mesh"), len(document["handles"])
-    name, picture = (_text(_beside(key, what)) for what in ("name", "picture"))
-    return RecentEdit(key, name or source, path.stat().st_mtime, handles, mesh, field, source, picture)
+def _recent(path: Path) -> RecentEdit | None:
+    """Return the kept edit in a file, or None if the file is damaged or gone."""
+    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        made_on, key = document["made_on"], path.stem
+        files = (path.parent / made_on[key] if made_on[key] else None for key in ("mesh", "field"))
+        mesh, field = (file if file is not None and file.is_file() else None for file in files)
+        source, handles = str(made_on["name"] or "mesh"), len(document["handles"])
+        name, picture = _text(path.with_suffix(".name")), _text(path.with_suffix(".picture"))
+        return RecentEdit(key, name or source, path.stat().st_mtime, handles, mesh, field, source, picture)
+    return None
 
 
 def _text(path: Path) -> str | None:
-    try:
+    with suppress(OSError, UnicodeDecodeError):
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return None
+    return None
 
 
-def _by_age(folder: Path) -> Iterator[Path]:
-    """Yield the files of all kept edits, the last changed first."""
+def _by_age() -> list[Path]:
+    """Return the files of all kept edits, the last changed first."""
     aged = []
-    for path in folder.glob("*.json"):
+    for path in _folder().glob("*.json"):
         with suppress(OSError):  # another process removed the file
             aged.append((path.stat().st_mtime, path))
-    return (path for _, path in sorted(aged, reverse=True))
+    return [path for _, path in sorted(aged, reverse=True)]
 
 
-def _clean(folder: Path, newest: Path) -> None:
+def _clean(newest: Path) -> None:
     """Remove the stored mesh files of the oldest edits beyond `LIMIT`, but never those in the folder `newest`."""
     total = 0
-    for stored in (newest, *(each.with_suffix("") for each in _by_age(folder) if each.with_suffix("") != newest)):
-        files = [each for each in stored.rglob("*") if each.is_file()]
+    for stored in (newest, *(each for path in _by_age() if (each := path.with_suffix("")) != newest)):
         with suppress(OSError):
-            total += sum(each.stat().st_size for each in files)
+            total += sum(each.stat().st_size for each in stored.rglob("*") if each.is_file())
         if total > LIMIT and stored != newest:
             shutil.rmtree(stored, ignore_errors=True)
 

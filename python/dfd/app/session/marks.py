@@ -1,19 +1,23 @@
 """Marks: vertices of the shape, and the positions at which they must arrive. A fit moves the handles accordingly."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from dfd.app.protocol import messages
 from dfd.common.check import recorded_warnings
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
 
+MARKS = TypeAdapter[tuple[messages.Mark, ...]](messages.Marks)
+
 
 @dataclass(frozen=True, repr=False)
 class MarkedEdit(Edit):
-    """An edit with the marks of the page. Undo also takes back marks, but files do not contain them."""
+    """An edit with the marks of the page. Undo also takes back marks, but edit files do not contain them."""
 
     marks: tuple[messages.Mark, ...] = ()
 
@@ -48,6 +52,19 @@ def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool
 def marks_in(edit: Edit) -> tuple[messages.Mark, ...]:
     """Return the marks of an edit."""
     return edit.marks if isinstance(edit, MarkedEdit) else ()
+
+
+def marks_text(edit: Edit) -> str:
+    """Return the marks of an edit as JSON."""
+    return MARKS.dump_json(marks_in(edit)).decode()
+
+
+def with_marks(edit: Edit, text: str) -> Edit:
+    """Return an edit with the marks that `marks_text` wrote; without marks, or if the text is damaged, `edit`."""
+    with suppress(ValidationError):
+        if marks := MARKS.validate_json(text):
+            return MarkedEdit(**{**vars(edit), "marks": marks})
+    return edit
 
 
 def marks_of(deformer: Deformer) -> tuple[messages.MarkState, ...]:

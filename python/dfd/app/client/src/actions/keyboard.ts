@@ -25,11 +25,11 @@ export function listen(grabbed: () => number | null): void {
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
-    // The browser closes a dialog with Esc, and other keys do nothing there.
-    if (document.querySelector("dialog:modal")) return;
+    // The browser closes a dialog or a menu with Esc, and other keys do nothing there.
+    if (document.querySelector("dialog:modal, :popover-open")) return;
     const keys = keysOf(event);
     // Space plays the timeline even if a button has the focus. Enter presses the button.
-    if (event.key === " " && target.matches("input, [role=menuitem]")) return;
+    if (event.key === " " && target.matches("input")) return;
     const found = LIST.find((each) => each.keys === keys || each.also === keys);
     if (!typeKey(keys, grabbed())) {
       if (!found || (store.get().page !== "shape" && !found.everywhere)) return;

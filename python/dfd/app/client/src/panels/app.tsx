@@ -2,16 +2,13 @@ import { useEffect } from "preact/hooks";
 
 import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
+import { Toolbar, Topbar } from "./bars";
 import { Help } from "./help";
-import { Legend } from "./legend";
-import { Proposed } from "./proposals";
 import { Inspector } from "./inspector";
-import { Selection } from "./selection";
+import { Legend, Proposed, Selection } from "./over_view";
 import { Start } from "./start";
 import { Ended, ProgressCard, StatusLine, Toasts } from "./status";
 import { Timeline } from "./timeline";
-import { Toolbar } from "./toolbar";
-import { Topbar } from "./topbar";
 
 /** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {

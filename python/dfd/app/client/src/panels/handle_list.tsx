@@ -53,7 +53,6 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
         />
       ) : (
         <button
-          type="button"
           class="row-name"
           aria-pressed={selected}
           title={`${name}: double-click or F2 to rename`}
@@ -70,7 +69,7 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
           </small>
         </button>
       )}
-      <IconButton icon="remove" label={`Remove ${name}`} onPress={() => send({ type: "remove", handle: id })} />
+      <IconButton icon="remove" label={`Remove ${name}`} onClick={() => send({ type: "remove", handle: id })} />
     </li>
   );
 }

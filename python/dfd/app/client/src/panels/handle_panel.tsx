@@ -50,7 +50,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       title={handleName(handle)}
       action={
         <div class="bar-group">
-          <IconButton icon="copy" label="Copy the place" onPress={() => void copyPlace(known)} />
+          <IconButton icon="copy" label="Copy the place" onClick={() => void copyPlace(known)} />
           <ActionButton action="reset" disabled={!known.moved} />
         </div>
       }
@@ -230,6 +230,7 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
   const leave = () => setPointed(null);
   const point = (to: number) => () =>
     setPointed({ type: "preview", handle: id, controls: { level: to, reach: "part" } });
+  const unit = (how: PartChange) => () => setPointed({ type: "take_part", handle: id, how, preview: true });
   const last = ladder ? ladder.steps.length - 1 : 0;
   const step = ladder?.steps[at];
   return (
@@ -241,7 +242,7 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
             {ladder.steps.map((each, i) => (
               <button
                 key={each.level}
-                type="button"
+
                 aria-pressed={i === at}
                 aria-label={stepText({ ladders }, origin, each.level)}
                 title={stepText({ ladders }, origin, each.level)}
@@ -257,7 +258,7 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
       {!ladder && region > 0 && (
         <div class="buttons">
           {(["smaller", "larger"] as const).map((way) => (
-            <Button key={way} text={titled(way)} style="small" onPress={() => void changePart(way)} />
+            <Button key={way} text={titled(way)} kind="small" onClick={() => void changePart(way)} />
           ))}
         </div>
       )}
@@ -268,11 +269,12 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
           <Button
             key={way}
             text={titled(way)}
-            style="small"
+            kind="small"
             title={missing.includes(way) ? "There is no such part here" : hint}
             disabled={missing.includes(way)}
-            onPoint={() => setPointed({ type: "take_part", handle: id, how: way, preview: true })}
-            onPress={() => void changePart(way)}
+            onPointerEnter={unit(way)}
+            onFocus={unit(way)}
+            onClick={() => void changePart(way)}
           />
         ))}
       </div>

@@ -6,7 +6,7 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, count, IconButton, Panel, percent, Select, Slider, titled } from "../widgets/controls";
+import { Button, count, IconButton, Panel, percent, PlaceRow, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel, motionFields } from "./handle_panel";
 import { MarkPanel } from "./mark_panel";
@@ -36,13 +36,9 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
       <ul class="rows">
         {fixed.map((place, index) => {
           const name = titled(placeName(place));
+          const release = () => send({ type: "release", index });
           return (
-            <li key={`${name} ${index}`} class="row tall">
-              <span class="row-name">
-                <span class="dot fixed" aria-hidden="true" />
-                <span>{name}</span>
-              </span>
-              <IconButton icon="remove" label={`Release ${name}`} onPress={() => send({ type: "release", index })} />
+            <PlaceRow key={`${name} ${index}`} dot="fixed" name={name} verb="Release" onRemove={release}>
               <Slider
                 label="Strength"
                 of={` of ${name}`}
@@ -54,7 +50,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
                   throttle(`fixed ${index}`, (merge) => send({ type: "change_fixed", index, strength, merge }))
                 }
               />
-            </li>
+            </PlaceRow>
           );
         })}
       </ul>
@@ -70,7 +66,7 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
     const { translation, rotation, scale } = { ...now, ...part };
     throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
   };
-  const reset = <IconButton icon="reset" label="Reset" disabled={known.default === null} onPress={() => set(REST)} />;
+  const reset = <IconButton icon="reset" label="Reset" disabled={known.default === null} onClick={() => set(REST)} />;
   return (
     <Panel title="The rest of the shape" action={reset}>
       {Object.values(motionFields(now, niceStep(size / 100), set, " the rest"))}
@@ -109,7 +105,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
           {report.details.map((line) => (
             <p key={line}>{line}</p>
           ))}
-          <Button text="Too much, or too little?" style="small" onPress={() => store.set({ help: true })} />
+          <Button text="Too much, or too little?" kind="small" onClick={() => store.set({ help: true })} />
         </details>
       )}
     </Panel>

@@ -25,7 +25,7 @@ export function Start() {
         <h1>Deform a shape</h1>
         <p class="lead">Drag a point of a mesh, and all similar parts follow.</p>
 
-        <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
+        <button class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
           <Icon name="open" />
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
           <small>{hint}</small>
@@ -46,7 +46,7 @@ export function Start() {
             <ul class="samples">
               {session.samples.map((sample) => (
                 <li key={sample}>
-                  <button type="button" class="opens" onClick={() => send({ type: "open_sample", name: sample })}>
+                  <button class="opens" onClick={() => send({ type: "open_sample", name: sample })}>
                     <strong>{titled(sample)}</strong>
                   </button>
                 </li>
@@ -76,7 +76,7 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
           }}
         />
       ) : (
-        <button type="button" class="opens" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
+        <button class="opens" disabled={!present} onClick={() => send({ type: "open_recent", key })}>
           {picture && <img src={picture} alt="" width={240} height={180} />}
           <strong>{titled(name)}</strong>
           <small>
@@ -86,13 +86,13 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
         </button>
       )}
       <div class="card-tools">
-        <IconButton icon="rename" label={`Rename ${titled(name)}`} onPress={() => setNaming(true)} />
+        <IconButton icon="rename" label={`Rename ${titled(name)}`} onClick={() => setNaming(true)} />
         <IconButton
           icon="copy"
           label={`Duplicate ${titled(name)}`}
-          onPress={() => send({ type: "duplicate_kept", key })}
+          onClick={() => send({ type: "duplicate_kept", key })}
         />
-        <IconButton icon="remove" label={`Delete ${titled(name)}`} onPress={remove} />
+        <IconButton icon="remove" label={`Delete ${titled(name)}`} onClick={remove} />
       </div>
     </li>
   );

@@ -39,14 +39,14 @@ export function Toasts() {
           {toast.action && (
             <Button
               text={toast.action.text}
-              style="small"
-              onPress={() => {
+              kind="small"
+              onClick={() => {
                 toast.action?.run();
                 dismiss(toast.key);
               }}
             />
           )}
-          <IconButton icon="remove" label="Dismiss" onPress={() => dismiss(toast.key)} />
+          <IconButton icon="remove" label="Dismiss" onClick={() => dismiss(toast.key)} />
         </div>
       ))}
     </div>
@@ -65,7 +65,7 @@ export function ProgressCard() {
         {task === "distill" && (
           <div class="card-line">
             <small>{ready({ edit }) && "You can begin: parts are those of the geometry."}</small>
-            <Button text="Cancel" style="small" onPress={() => send({ type: "cancel" })} />
+            <Button text="Cancel" kind="small" onClick={() => send({ type: "cancel" })} />
           </div>
         )}
       </section>
@@ -76,7 +76,7 @@ export function ProgressCard() {
     <section class="card" aria-label="Features">
       <div class="card-line">
         <span>This shape's features are not learned yet.</span>
-        <Button text="Learn features" style="primary small" onPress={() => send({ type: "distill" })} />
+        <Button text="Learn features" kind="primary small" onClick={() => send({ type: "distill" })} />
       </div>
     </section>
   );
@@ -89,7 +89,7 @@ export function Ended() {
   return (
     <Dialog title={ended.title} role="alertdialog">
       <p>{ended.text}</p>
-      {ended.button && <Button text={ended.button} style="primary" onPress={connect} />}
+      {ended.button && <Button text={ended.button} kind="primary" onClick={connect} />}
     </Dialog>
   );
 }

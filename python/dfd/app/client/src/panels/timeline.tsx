@@ -15,12 +15,12 @@ export function Timeline() {
   return (
     <section class="timeline" aria-label="Timeline">
       <div class="timeline-tools">
-        <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onPress={play} />
+        <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onClick={play} />
         <ActionButton action="storePose" />
         {moment && (
           <>
-            <Button text="Use this pose" style="primary small" onPress={applyMoment} />
-            <Button text="Back to the edit" style="small" onPress={leave} />
+            <Button text="Use this pose" kind="primary small" onClick={applyMoment} />
+            <Button text="Back to the edit" kind="small" onClick={leave} />
           </>
         )}
         <span class="unit spacer">{playhead.toFixed(2)} s</span>
@@ -47,7 +47,7 @@ export function Timeline() {
               value={pose.ease ?? false}
               onChange={(ease) => changePose(index, { ease })}
             />
-            <IconButton icon="remove" label={`Remove ${pose.name}`} onPress={() => removePose(index)} />
+            <IconButton icon="remove" label={`Remove ${pose.name}`} onClick={() => removePose(index)} />
           </>
         )}
       </div>
@@ -96,7 +96,7 @@ function Axis({ chosen }: { readonly chosen: number }) {
           return (
             <button
               key={i}
-              type="button"
+
               class="key"
               aria-pressed={i === chosen}
               aria-label={`${name} at ${seconds.toFixed(2)} seconds`}

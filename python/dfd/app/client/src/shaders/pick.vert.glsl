@@ -1,5 +1,4 @@
-in vec4 posedPosition;
-in vec3 rest;
+uniform highp sampler2D posedPositions; // xyz: position, w: heat
 
 out vec3 restPosition;
 #ifdef ISOLATED
@@ -8,7 +7,8 @@ out float heat;
 flat out uint corner; // the last corner of the triangle, by which `faces.ts` finds the triangle
 
 void main() {
-  restPosition = rest;
+  vec4 posedPosition = texelFetch(posedPositions, ivec2(gl_VertexID & 4095, gl_VertexID >> 12), 0);
+  restPosition = position;
 #ifdef ISOLATED
   heat = posedPosition.w;
 #endif

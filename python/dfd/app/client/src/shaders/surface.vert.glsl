@@ -1,5 +1,5 @@
-in vec4 posedPosition; // xyz: position, w: heat
-in vec3 posedNormal;
+uniform highp sampler2D posedPositions; // xyz: position, w: heat
+uniform highp sampler2D posedNormals;
 #ifdef FEATURES
 in vec4 featureColor;
 #endif
@@ -12,6 +12,8 @@ uniform float near; // edges within this distance are drawn at full strength
 out float strength;
 
 void main() {
+  ivec2 at = ivec2(gl_VertexID & 4095, gl_VertexID >> 12);
+  vec4 posedPosition = texelFetch(posedPositions, at, 0);
   vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   strength = pow(clamp(-near / view.z, 0.0, 1.0), 1.5);
   gl_Position = projectionMatrix * view;
@@ -30,9 +32,11 @@ out vec3 ownColor;
 #endif
 
 void main() {
+  ivec2 at = ivec2(gl_VertexID & 4095, gl_VertexID >> 12);
+  vec4 posedPosition = texelFetch(posedPositions, at, 0);
   vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   viewPosition = view.xyz;
-  viewNormal = normalMatrix * posedNormal;
+  viewNormal = normalMatrix * texelFetch(posedNormals, at, 0).xyz;
 #if defined(HEAT) || defined(ISOLATED)
   heat = posedPosition.w;
 #endif

@@ -1,18 +1,6 @@
 /** Find the point of the resting shape at a pixel. The GPU draws the posed shape, with resting positions as colors. */
 
-import {
-  DoubleSide,
-  Matrix4,
-  Mesh,
-  NearestFilter,
-  RGBAIntegerFormat,
-  Scene as ThreeScene,
-  UnsignedIntType,
-  Vector4,
-  WebGLRenderTarget,
-  type PerspectiveCamera,
-  type WebGLRenderer,
-} from "three";
+import * as THREE from "three";
 
 import type { Vec3 } from "../posing/affine";
 import type { Picked } from "../store/state";
@@ -21,21 +9,22 @@ import type { Shape } from "./shape";
 
 export class Picker {
   private readonly target = pixels(1, 1);
-  private readonly scene = new ThreeScene();
-  private readonly material = material("pick", {}, { side: DoubleSide });
+  private readonly scene = new THREE.Scene();
+  private readonly material: THREE.ShaderMaterial;
 
   constructor(
-    private readonly renderer: WebGLRenderer,
+    private readonly renderer: THREE.WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    const mesh = new Mesh(shape.geometry, this.material);
+    this.material = material("pick", shape.posed.uniforms, { side: THREE.DoubleSide });
+    const mesh = new THREE.Mesh(shape.geometry, this.material);
     mesh.frustumCulled = false;
     this.scene.add(mesh);
     this.scene.matrixWorldAutoUpdate = false;
   }
 
   /** Return the point at pixel (x, y) of a view of `width` × `height` pixels; null if the shape is not there. */
-  pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
+  pick(camera: THREE.PerspectiveCamera, x: number, y: number, width: number, height: number): Picked | null {
     camera.updateMatrixWorld();
     // The target has one pixel, so the GPU discards all other fragments.
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
@@ -49,21 +38,21 @@ export class Picker {
   }
 
   /** Return the rows whose posed positions are in a box of a view; without `through`, return only visible rows. */
-  within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
+  within(camera: THREE.PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
     const { shape } = this;
     const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
     const target = pixels(w, h);
     camera.updateMatrixWorld();
     camera.setViewOffset(width, height, box.x, box.y, w, h);
     const seen = new Float32Array(this.draw(target, camera).buffer);
-    const view = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    const view = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     camera.clearViewOffset();
     target.dispose();
     const [posed, rest] = [shape.posed.read(), shape.positions];
     // A vertex is visible if the surface at its pixel is less than 4 pixels away. `near` spans 4 pixels at depth 1.
     const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const found = new Set<number>();
-    const at = new Vector4();
+    const at = new THREE.Vector4();
     for (let row = 0; row < shape.vertexOf.length; row++) {
       if (shape.isolated && posed[4 * row + 3] < 0.05) continue;
       at.set(posed[4 * row], posed[4 * row + 1], posed[4 * row + 2], 1).applyMatrix4(view);
@@ -81,7 +70,7 @@ export class Picker {
     this.material.dispose();
   }
 
-  private draw(target: WebGLRenderTarget, camera: PerspectiveCamera): Uint32Array {
+  private draw(target: THREE.WebGLRenderTarget, camera: THREE.PerspectiveCamera): Uint32Array {
     const { renderer, scene, shape } = this;
     shape.posed.update();
     define(this.material, { ISOLATED: shape.isolated });
@@ -101,13 +90,13 @@ export class Picker {
 }
 
 /** Create a render target of integers, in a format that every implementation of WebGL 2 supports. */
-function pixels(width: number, height: number): WebGLRenderTarget {
-  return new WebGLRenderTarget(width, height, {
-    format: RGBAIntegerFormat,
-    type: UnsignedIntType,
+function pixels(width: number, height: number): THREE.WebGLRenderTarget {
+  return new THREE.WebGLRenderTarget(width, height, {
+    format: THREE.RGBAIntegerFormat,
+    type: THREE.UnsignedIntType,
     internalFormat: "RGBA32UI",
-    minFilter: NearestFilter,
-    magFilter: NearestFilter,
+    minFilter: THREE.NearestFilter,
+    magFilter: THREE.NearestFilter,
     generateMipmaps: false,
   });
 }

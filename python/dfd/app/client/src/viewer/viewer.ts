@@ -1,17 +1,6 @@
 /** Draw the shape, the gizmo and the marks of the store's state. */
 
-import {
-  Box3,
-  Color,
-  EdgesGeometry,
-  LineBasicMaterial,
-  LineSegments,
-  MathUtils,
-  MOUSE,
-  PlaneGeometry,
-  Sphere,
-  Vector3,
-} from "three";
+import * as THREE from "three";
 
 import { savePicture } from "../actions/files";
 import { problem } from "../actions/toasts";
@@ -32,7 +21,10 @@ export class Viewer {
   private picker: Picker | null = null;
   readonly gizmo: Gizmo;
   private marks: ReturnType<typeof marksOf> = [];
-  private readonly plane = new LineSegments(new EdgesGeometry(new PlaneGeometry(2, 2)), new LineBasicMaterial());
+  private readonly plane = new THREE.LineSegments(
+    new THREE.EdgesGeometry(new THREE.PlaneGeometry(2, 2)),
+    new THREE.LineBasicMaterial(),
+  );
 
   constructor(
     canvas: HTMLCanvasElement,
@@ -83,11 +75,11 @@ export class Viewer {
     // The part of the canvas that the picture shows, which is inside the canvas.
     const high = Math.min((posed ? 1.1 : 2.4) * radius * scale, stage.canvas.height, 0.75 * stage.canvas.width);
     const [width, height] = [(4 / 3) * high, high];
-    const left = MathUtils.clamp(x * scale - width / 2, 0, stage.canvas.width - width);
-    const top = MathUtils.clamp(y * scale - height / 2, 0, stage.canvas.height - height);
-    if (posed) shape?.setPosed(posed);
+    const left = THREE.MathUtils.clamp(x * scale - width / 2, 0, stage.canvas.width - width);
+    const top = THREE.MathUtils.clamp(y * scale - height / 2, 0, stage.canvas.height - height);
+    if (posed) shape?.posed.setGiven(posed);
     this.bare(() => canvas.getContext("2d")?.drawImage(stage.canvas, left, top, width, height, 0, 0, 240, 180));
-    if (posed) shape?.setPosed(store.get().posed);
+    if (posed) shape?.posed.setGiven(store.get().posed);
     return canvas.toDataURL("image/jpeg", 0.8);
   }
 
@@ -130,7 +122,7 @@ export class Viewer {
       stage.invalidate();
     });
     store.on("posed", (posed) => {
-      this.shape?.setPosed(posed);
+      this.shape?.posed.setGiven(posed);
       this.mark();
       stage.invalidate();
     });
@@ -151,7 +143,7 @@ export class Viewer {
     stage.compass.visible = !store.get().narrow;
     store.on("dragging", (dragging) => (stage.orbit.enabled = !dragging));
     store.on("tool", (tool) => {
-      stage.orbit.mouseButtons.LEFT = draws(tool) ? null : MOUSE.ROTATE;
+      stage.orbit.mouseButtons.LEFT = draws(tool) ? null : THREE.MOUSE.ROTATE;
       overlay.classList.toggle("through", draws(tool) || tool === "marks");
     });
     store.on("framed", (wish) => {
@@ -180,7 +172,7 @@ export class Viewer {
       this.picker = new Picker(this.stage.renderer, this.shape);
       this.stage.scene.add(this.shape.group);
       if (featureColors) this.shape.setFeatureColors(featureColors);
-      this.shape.setPosed(posed);
+      this.shape.posed.setGiven(posed);
     }
     this.dress();
     this.pose();
@@ -189,9 +181,9 @@ export class Viewer {
   /** Apply the look, and the colors of the page's theme. */
   private dress(): void {
     const { color, backgroundColor } = getComputedStyle(this.stage.canvas);
-    this.stage.scene.background = new Color(backgroundColor);
+    this.stage.scene.background = new THREE.Color(backgroundColor);
     this.shape?.dress(store.get());
-    this.drawPlane(store.get(), new Color(color));
+    this.drawPlane(store.get(), new THREE.Color(color));
     this.stage.invalidate();
   }
 
@@ -221,7 +213,7 @@ export class Viewer {
     this.stage.drawn();
   }
 
-  private drawPlane({ edit, mesh }: State, color: Color): void {
+  private drawPlane({ edit, mesh }: State, color: THREE.Color): void {
     const used = mesh && edit?.symmetry;
     const { plane } = this;
     plane.visible = Boolean(used);
@@ -229,7 +221,7 @@ export class Viewer {
     if (!used || !this.shape) return;
     const { normal, offset } = mirrorOf(used, mesh.center);
     plane.position.set(...normal).multiplyScalar(offset);
-    plane.lookAt(plane.position.clone().add(new Vector3(...normal)));
+    plane.lookAt(plane.position.clone().add(new THREE.Vector3(...normal)));
     plane.scale.setScalar(0.65 * this.shape.radius);
   }
 
@@ -238,15 +230,15 @@ export class Viewer {
     const { selected } = store.get();
     const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
     const posed = shape.posed.read();
-    const held = new Box3();
-    const point = new Vector3();
+    const held = new THREE.Box3();
+    const point = new THREE.Vector3();
     shape.vertexOf.forEach((vertex, row) => {
       const most = columns.reduce((sum, column) => sum + weightOf(column, vertex), 0);
       if (most > 0.5) held.expandByPoint(point.fromArray(posed, 4 * row));
     });
     if (held.isEmpty()) this.stage.frameShape(shape.radius);
     else {
-      const { center, radius } = held.getBoundingSphere(new Sphere());
+      const { center, radius } = held.getBoundingSphere(new THREE.Sphere());
       this.stage.frame(center.toArray(), Math.max(1.2 * radius, shape.radius / 10));
     }
   }

@@ -1,7 +1,7 @@
 /** Buttons, fields and menus for all panels. */
 
-import type { ComponentChildren } from "preact";
-import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
+import type { ComponentChildren, JSX } from "preact";
+import { useEffect, useId, useLayoutEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
 import { ACTIONS, toggle, type ActionName } from "../actions/actions";
@@ -30,62 +30,42 @@ export function readable(value: number): string {
   return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
 }
 
-interface IconButtonProps {
+type ButtonProps = JSX.IntrinsicElements["button"];
+
+interface IconButtonProps extends ButtonProps {
   readonly icon: IconName;
   readonly label: string;
   readonly keys?: string;
-  readonly pressed?: boolean;
-  readonly disabled?: boolean;
-  readonly onPress?: (() => unknown) | undefined;
 }
 
-export function IconButton({ icon, label, keys, pressed, disabled, onPress }: IconButtonProps) {
+export function IconButton({ icon, label, keys, ...rest }: IconButtonProps) {
   return (
-    <button
-      type="button"
-      class="icon-button"
-      aria-label={label}
-      title={keys ? `${label} (${keys})` : label}
-      aria-pressed={pressed}
-      disabled={disabled}
-      onClick={onPress}
-    >
+    <button class="icon-button" aria-label={label} title={keys ? `${label} (${keys})` : label} {...rest}>
       <Icon name={icon} />
     </button>
   );
 }
 
-interface ActionButtonProps extends Pick<IconButtonProps, "pressed" | "disabled"> {
+interface ActionButtonProps extends ButtonProps {
   readonly action: ActionName & IconName;
+  readonly pressed?: boolean;
 }
 
 /** A button for an action. */
-export function ActionButton({ action, ...rest }: ActionButtonProps) {
+export function ActionButton({ action, pressed, ...rest }: ActionButtonProps) {
   const { keys, label, run } = ACTIONS[action];
-  return <IconButton icon={action} label={label} keys={keys} onPress={run} {...rest} />;
+  return <IconButton icon={action} label={label} keys={keys} aria-pressed={pressed} onClick={run} {...rest} />;
 }
 
-interface ButtonProps {
+interface TextButtonProps extends ButtonProps {
   readonly text: string;
-  readonly style?: "primary" | "small" | "primary small";
-  readonly title?: string;
-  readonly disabled?: boolean;
-  /** Called when the button gets the pointer or the focus. */
-  readonly onPoint?: () => void;
-  readonly onPress: () => void;
+  /** The classes "primary" and "small". */
+  readonly kind?: string;
 }
 
-export function Button({ text, style, title, disabled, onPoint, onPress }: ButtonProps) {
+export function Button({ text, kind = "", ...rest }: TextButtonProps) {
   return (
-    <button
-      type="button"
-      class={`button ${style ?? ""}`}
-      title={title}
-      disabled={disabled}
-      onPointerEnter={onPoint}
-      onFocus={onPoint}
-      onClick={onPress}
-    >
+    <button class={`button ${kind}`} {...rest}>
       {text}
     </button>
   );
@@ -125,7 +105,6 @@ export function Segmented<Value extends string>({ label, value, options, hint, n
       {options.map((option) => (
         <button
           key={option}
-          type="button"
           aria-pressed={option === chosen}
           onClick={() => {
             choose(option);
@@ -287,7 +266,7 @@ export function Toggle({ label, hint, value, onChange }: FieldProps<boolean>) {
 }
 
 /** A menu item, which is disabled if `run` is null. */
-export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
+export type MenuItem = readonly [text: string, hint: string, run: (() => unknown) | null];
 
 /** Items of a menu under a title, which may be empty. */
 export type MenuGroup = readonly [title: string, items: readonly MenuItem[]];
@@ -299,76 +278,49 @@ interface MenuProps {
   readonly groups: readonly MenuGroup[];
 }
 
+/** A menu in a popover, which the browser opens, places beside its button, and closes. */
 export function Menu({ icon, label, text, groups }: MenuProps) {
-  const [open, setOpen] = useState(false);
-  const box = useRef<HTMLDivElement>(null);
-  const items = () => [...(box.current?.querySelectorAll<HTMLElement>("[role=menuitem]:not(:disabled)") ?? [])];
-  useEffect(() => {
-    if (!open) return undefined;
-    items()[0]?.focus();
-    const outside = (event: Event) => {
-      if (!box.current?.contains(event.target as Node)) setOpen(false);
-    };
-    addEventListener("pointerdown", outside, true);
-    return () => removeEventListener("pointerdown", outside, true);
-  }, [open]);
-  const step = (by: number) => {
-    const all = items();
-    all[(all.indexOf(document.activeElement as HTMLElement) + by + all.length) % all.length]?.focus();
+  const id = useId();
+  const step = (event: KeyboardEvent & { readonly currentTarget: HTMLElement }) => {
+    const by = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
+    const items = itemsOf(event.currentTarget);
+    items.at((items.indexOf(document.activeElement as HTMLElement) + by) % items.length)?.focus();
+    if (by !== 0) event.preventDefault();
   };
   return (
-    <div
-      class="menu"
-      ref={box}
-      onKeyDown={(event) => {
-        if (event.key === "ArrowDown") step(1);
-        else if (event.key === "ArrowUp") step(-1);
-        else if (event.key === "Escape" && open) {
-          setOpen(false);
-          box.current?.querySelector("button")?.focus();
-        } else return;
-        event.preventDefault();
-        event.stopPropagation();
-      }}
-    >
-      <button
-        type="button"
-        class={text ? "button" : "icon-button"}
-        aria-label={label}
-        title={label}
-        aria-haspopup="menu"
-        aria-expanded={open}
-        onClick={() => setOpen(!open)}
-      >
+    <div>
+      <button class={text ? "button" : "icon-button"} aria-label={label} title={label} popovertarget={id}>
         <Icon name={icon} />
         {text && <span>{text}</span>}
       </button>
-      {open && (
-        <div class="menu-list" role="menu" aria-label={label}>
-          {groups.map(([title, group], i) => (
-            <div key={i} role="group" aria-label={title || undefined} hidden={group.length === 0}>
-              {title && <p class="menu-title">{title}</p>}
-              {group.map(([line, hint, run], number) => (
-                <button
-                  key={number}
-                  type="button"
-                  role="menuitem"
-                  disabled={!run}
-                  onClick={() => {
-                    setOpen(false);
-                    run?.();
-                  }}
-                >
-                  <span>{line}</span>
-                  {hint && <small>{hint}</small>}
-                </button>
-              ))}
-            </div>
-          ))}
-        </div>
-      )}
+      <div
+        id={id}
+        class="menu-list"
+        role="menu"
+        aria-label={label}
+        popover="auto"
+        onToggle={({ newState, currentTarget }) => newState === "open" && itemsOf(currentTarget)[0]?.focus()}
+        onKeyDown={step}
+        onClick={({ currentTarget }) => currentTarget.hidePopover()}
+      >
+        {groups.map(([title, group], i) => (
+          <div key={i} role="group" aria-label={title || undefined} hidden={group.length === 0}>
+            {title && <p class="menu-title">{title}</p>}
+            {group.map(([line, hint, run], number) => (
+              <button key={number} role="menuitem" disabled={!run} onClick={() => run?.()}>
+                <span>{line}</span>
+                {hint && <small>{hint}</small>}
+              </button>
+            ))}
+          </div>
+        ))}
+      </div>
     </div>
   );
+}
+
+function itemsOf(menu: HTMLElement): HTMLElement[] {
+  return [...menu.querySelectorAll<HTMLElement>("button:enabled")];
 }
 
 interface PanelProps {
@@ -397,26 +349,45 @@ interface DialogProps extends Pick<PanelProps, "title" | "children"> {
   readonly onClose?: () => unknown;
 }
 
-/** A dialog over the page. The browser keeps the focus in it, and closes it with Esc. */
+/** A dialog over the page. The browser keeps the focus in it, and closes it with Esc or a press beside it. */
 export function Dialog({ title, role, label = title, wide, onClose, children }: DialogProps) {
   const box = useRef<HTMLDialogElement>(null);
   useLayoutEffect(() => box.current?.showModal(), []);
+  const [kind, closedby] = [wide ? "wide" : undefined, onClose ? "any" : "none"] as const;
   return (
-    <dialog
-      ref={box}
-      class={wide ? "wide" : undefined}
-      role={role}
-      aria-label={label}
-      onCancel={(event) => !onClose && event.preventDefault()}
-      onClose={onClose}
-      onClick={(event) => event.target === box.current && onClose?.()}
-    >
+    <dialog ref={box} class={kind} role={role} aria-label={label} closedby={closedby} onClose={onClose}>
       <header>
         <h2>{title}</h2>
-        {onClose && <IconButton icon="remove" label="Close" keys="Esc" onPress={onClose} />}
+        {onClose && <IconButton icon="remove" label="Close" keys="Esc" onClick={onClose} />}
       </header>
       {children}
     </dialog>
+  );
+}
+
+interface PlaceProps {
+  /** The classes of the dot before the name. */
+  readonly dot: string;
+  readonly name: string;
+  readonly note?: string;
+  /** The verb of the button, such as "Remove". */
+  readonly verb: string;
+  readonly onRemove: () => unknown;
+  readonly children?: ComponentChildren;
+}
+
+/** A row of a list of places: its name, a button that removes the place, and fields below. */
+export function PlaceRow({ dot, name, note, verb, onRemove, children }: PlaceProps) {
+  return (
+    <li class="row tall">
+      <span class="row-name">
+        <span class={`dot ${dot}`} aria-hidden="true" />
+        <span>{name}</span>
+        {note && <small>{note}</small>}
+      </span>
+      <IconButton icon="remove" label={`${verb} ${name}`} onClick={onRemove} />
+      {children}
+    </li>
   );
 }
 
@@ -425,7 +396,7 @@ export function More({ children }: Pick<PanelProps, "children">) {
   const { more } = useParts();
   return (
     <>
-      <button type="button" class="more" aria-expanded={more} onClick={() => toggle("more")}>
+      <button class="more" aria-expanded={more} onClick={() => toggle("more")}>
         {more ? "Less" : "More"}
       </button>
       {more && children}

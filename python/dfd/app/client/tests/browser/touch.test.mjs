@@ -82,7 +82,7 @@ test("the menu has all actions, and the inspector is a sheet below the shape", a
   for (const name of ["Open a mesh", "Brush", "Keys", "Timeline", "Heat", "From the front", "GLB", "Rig"])
     assert.ok((await page.getByRole("menuitem", { name: new RegExp(`^${name}`) }).count()) > 0, name);
   await eventually(async () => {
-    const list = await page.locator(".menu-list").boundingBox();
+    const list = await page.locator(".menu-list:popover-open").boundingBox();
     assert.deepEqual([list.x, list.width, Math.round(list.y + list.height)], [0, 390, 844], "the menu is no sheet");
   });
   const titles = await page.locator(".menu-title:visible").allTextContents();

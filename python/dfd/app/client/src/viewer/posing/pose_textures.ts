@@ -1,29 +1,19 @@
 /** The textures of the pose shader. Each `Column` of the scene, usually a handle at one counterpart, has a row of
     `columns`. The row contains the index of the layer in `weights`. Columns with the same weights share a layer. */
 
-import {
-  DataArrayTexture,
-  DataTexture,
-  FloatType,
-  NearestFilter,
-  RGBAFormat,
-  RedIntegerFormat,
-  UnsignedShortType,
-  type Matrix4,
-  type Texture,
-} from "three";
+import * as THREE from "three";
 
 import { IDENTITY } from "../../posing/affine";
 import { EMPTY_SCENE, mirrored, type Scene } from "../../posing/columns";
 
-const WIDTH = 4096; // texels per row of `weights`
+export const WIDTH = 4096; // texels per row of `weights`
 const TEXELS = 7; // texels per row of `columns`
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10]; // indices of the linear part in the elements of an affine matrix
 
 export class PoseTextures {
-  weights: DataArrayTexture;
+  weights: THREE.DataArrayTexture;
   columns = rows(LEAST_ROWS);
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
@@ -54,12 +44,9 @@ export class PoseTextures {
     this.scene = scene;
   }
 
-  get textures(): readonly Texture[] {
-    return [this.weights, this.columns];
-  }
-
   dispose(): void {
-    this.textures.forEach((texture) => texture.dispose());
+    this.weights.dispose();
+    this.columns.dispose();
   }
 
   /** Write the weights of each column to a layer, unless a layer contains them already. */
@@ -81,13 +68,13 @@ export class PoseTextures {
     }
   }
 
-  private layers(count: number): DataArrayTexture {
+  private layers(count: number): THREE.DataArrayTexture {
     const data = new Uint16Array(WIDTH * this.height * count);
-    const texture = new DataArrayTexture(data, WIDTH, this.height, count);
-    texture.format = RedIntegerFormat;
-    texture.type = UnsignedShortType;
+    const texture = new THREE.DataArrayTexture(data, WIDTH, this.height, count);
+    texture.format = THREE.RedIntegerFormat;
+    texture.type = THREE.UnsignedShortType;
     texture.internalFormat = "R16UI";
-    texture.minFilter = texture.magFilter = NearestFilter;
+    texture.minFilter = texture.magFilter = THREE.NearestFilter;
     texture.unpackAlignment = 4;
     texture.needsUpdate = true;
     return texture;
@@ -98,21 +85,27 @@ function empty(count: number): (Uint16Array | null)[] {
   return new Array<Uint16Array | null>(count).fill(null);
 }
 
-function rows(count: number): DataTexture {
-  const texture = new DataTexture(new Float32Array(4 * TEXELS * count), TEXELS, count, RGBAFormat, FloatType);
+function rows(count: number): THREE.DataTexture {
+  const texture = new THREE.DataTexture(
+    new Float32Array(4 * TEXELS * count),
+    TEXELS,
+    count,
+    THREE.RGBAFormat,
+    THREE.FloatType,
+  );
   texture.needsUpdate = true;
   return texture;
 }
 
-/** Return the names that must be defined in the shader for a scene. */
-export function definesOf({ columns, mirror, defaultTransform }: Scene): string[] {
-  const turns = ({ elements }: Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
-  const has = { MIRROR: mirror, DEFAULT: defaultTransform, TURNED: columns.some(({ transform }) => turns(transform)) };
-  return Object.entries(has).flatMap(([name, part]) => (part ? [name] : []));
+/** Return which names must be defined in the shader for a scene. */
+export function definesOf({ columns, mirror, defaultTransform }: Scene): Record<string, boolean> {
+  const turns = ({ elements }: THREE.Matrix4) => LINEAR.some((i) => elements[i] !== IDENTITY.elements[i]);
+  const turned = columns.some(({ transform }) => turns(transform));
+  return { MIRROR: mirror !== null, DEFAULT: defaultTransform !== null, TURNED: turned };
 }
 
 /** Write the rows of a transform minus the identity. The shader adds displacements, so small motions stay precise. */
-function writeMove(table: Float32Array, at: number, { elements }: Matrix4): void {
+function writeMove(table: Float32Array, at: number, { elements }: THREE.Matrix4): void {
   for (let i = 0; i < 12; i++) {
     const k = 4 * (i % 4) + Math.floor(i / 4);
     table[at + i] = elements[k] - IDENTITY.elements[k];

@@ -1,11 +1,14 @@
 import { GLSL3, ShaderMaterial, type IUniform, type ShaderMaterialParameters } from "three";
 
+import pose from "../../shaders/pose.glsl?raw";
+import posePass from "../../shaders/pose.frag.glsl?raw";
 import pickFragment from "../../shaders/pick.frag.glsl?raw";
 import pickVertex from "../../shaders/pick.vert.glsl?raw";
 import surfaceFragment from "../../shaders/surface.frag.glsl?raw";
 import surfaceVertex from "../../shaders/surface.vert.glsl?raw";
 
 const PROGRAMS = {
+  pose: ["void main() { gl_Position = vec4(position, 1.0); }", `precision highp int;\n${pose}\n${posePass}`],
   pick: [pickVertex, pickFragment],
   surface: [surfaceVertex, surfaceFragment],
 } as const;

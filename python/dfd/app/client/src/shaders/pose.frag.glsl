@@ -1,0 +1,28 @@
+// Write the pose of each row, a vertex with one normal, to textures. Nothing is drawn.
+uniform highp sampler2D rest; // xyz: position, w: vertex of the row
+uniform highp isampler2D restNormals;
+#ifdef GIVEN
+uniform highp sampler2D givenPositions; // the server's pose, per vertex
+uniform highp isampler2D givenNormals;
+#endif
+
+layout(location = 0) out vec4 posedPosition; // xyz: position, w: heat
+layout(location = 1) out vec4 posedNormal;
+
+void main() {
+  ivec2 row = ivec2(gl_FragCoord.xy);
+  vec4 own = texelFetch(rest, row, 0);
+  Posed result = posed(own.xyz, int(own.w));
+#ifdef GIVEN
+  ivec2 at = ivec2(int(own.w) & 4095, int(own.w) >> 12);
+  posedPosition = vec4(texelFetch(givenPositions, at, 0).xyz, result.heat);
+  posedNormal = vec4(vec3(texelFetch(givenNormals, at, 0).xyz) / 32767.0, 0.0);
+#else
+  posedPosition = vec4(result.position, result.heat);
+  vec3 normal = vec3(texelFetch(restNormals, row, 0).xyz) / 32767.0;
+#if defined(TURNED) || defined(DEFAULT)
+  normal = transformedNormal(result.linear, normal);
+#endif
+  posedNormal = vec4(normal, 0.0);
+#endif
+}
