@@ -176,15 +176,6 @@ def test_empty_and_single():
     np.testing.assert_allclose(posed, [[0, 1, 0]], atol=1e-15)
 
 
-def test_bad_places_are_named():
-    vertices, weights, transforms = turning_scene(20, 2)
-    with pytest.raises(ValueError, match=r"^pose: `handles` must be finite, got nan at \[0, 0\]"):
-        dfd.pose(vertices, weights, transforms, handles=np.full((2, 3), np.nan), blend="dual_quaternion")
-    vertices[3, 1] = np.nan
-    with pytest.raises(ValueError, match=r"^pose: `vertices` must be finite, got nan at \[3, 1\]"):
-        dfd.pose(vertices, weights, transforms, blend="dual_quaternion")
-
-
 @TYPES
 @pytest.mark.parametrize("blend", BLENDS)
 @pytest.mark.parametrize("band", [None, 0.0, 1.0])

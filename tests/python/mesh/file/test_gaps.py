@@ -9,7 +9,7 @@ import pytest
 from mesh_files import CORNERS, CUBE, Gltf, bent, checkered, look_of, write
 from scipy.spatial.transform import Rotation
 
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import load
 
 TURN = Rotation.from_rotvec([0, 0, np.pi / 2])
 RED = "1 0 0"
@@ -62,14 +62,6 @@ def test_given_normals_turn_and_a_missing_one_is_computed(without: int, tmp_path
         known = np.isfinite(normals).all(axis=(1, 2))
         assert known.sum() == (11 if ending == "obj" else 12)
         assert np.allclose(normals[known], sides[known, None], atol=1e-6)
-
-
-def test_normals_of_an_artist_survive_a_face_without_normals(tmp_path: Path) -> None:
-    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0.6 0 0.8\nf 1//1 2//1 3//1\nf 1 3 4\n"
-    load(write(tmp_path / "a.obj", text)).save(tmp_path / "a.glb")
-    normals, _ = corners_and_sides(tmp_path / "a.glb")
-    assert np.allclose(normals[0], (0.6, 0, 0.8), atol=1e-6)
-    assert np.allclose(normals[1], (0, 0, 1), atol=1e-6)
 
 
 def colored(ending: str) -> str | bytes:
@@ -146,14 +138,6 @@ def test_one_face_of_a_ply_without_texture_coordinates_leaves_those_of_the_other
     with pytest.warns(UserWarning, match="textured vertices without coordinates"):
         look = look_of(path)
     assert np.allclose(look.albedo(np.array([0]), np.array([(0.1, 0.8, 0.1)])), (1, 1, 1, 1), atol=0.01)
-
-
-def test_complete_attributes_are_not_said(tmp_path: Path) -> None:
-    """Warnings are errors in tests."""
-    mesh = Mesh(CORNERS, CUBE)
-    mesh.save(tmp_path / "a.glb")
-    load(tmp_path / "a.glb").save(tmp_path / "a.ply")
-    load(write(tmp_path / "b.obj", obj([f"{each} {RED}" for each in places()], triangles(1))))
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply", "off", "glb"])

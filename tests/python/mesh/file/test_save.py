@@ -76,25 +76,6 @@ def test_a_seam_stays_closed_and_keeps_both_its_texture_coordinates(tmp_path: Pa
     assert sum(line.startswith("v ") for line in lines) == 4
 
 
-def sharp_cube(tmp_path: Path) -> Path:
-    """A cube of 24 vertices, each with the normal of its side, wound outwards."""
-    vertices = CORNERS[CUBE].reshape(-1, 3)
-    cube = trimesh.Trimesh(vertices, np.arange(36).reshape(-1, 3), process=False)
-    cube.vertex_normals = np.repeat(cube.face_normals, 3, axis=0)
-    path = tmp_path / "sharp.glb"
-    path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(cube), include_normals=True))
-    return path
-
-
-def test_normals_follow_the_surface_and_edges_stay_sharp(tmp_path: Path) -> None:
-    mesh = load(sharp_cube(tmp_path))
-    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
-    mesh.save(tmp_path / "turned.glb", mesh.vertices @ turn.T)
-    geometry = next(iter(trimesh.load_scene(tmp_path / "turned.glb", process=False).geometry.values()))
-    expected = np.repeat(geometry.face_normals, 3, axis=0)
-    assert np.allclose(geometry.vertex_normals[geometry.faces.ravel()], expected, atol=1e-5)
-
-
 def test_a_mirrored_placing_keeps_normals_outside(tmp_path: Path) -> None:
     gltf = Gltf()
     normals = gltf.accessor((CORNERS - 0.5) / np.sqrt(0.75), 5126, "VEC3")

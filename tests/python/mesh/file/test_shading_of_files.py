@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import trimesh
 from mesh_files import CORNERS, CUBE, Gltf, write
 from scipy.spatial.transform import Rotation
 
-from dfd.mesh.file.shading import FLAT, UNSAID, corner_normals
+from dfd.mesh.file.shading import UNSAID, corner_normals
 from dfd.mesh.mesh import Mesh, load
 
 
@@ -46,16 +45,11 @@ def obj(vertices: np.ndarray, faces: np.ndarray, said: str = "") -> str:
     return "\n".join([*lines, said, *("f {} {} {}".format(*face) for face in faces + 1), ""])
 
 
-WRITERS: dict[str, Callable[[Path, np.ndarray, np.ndarray], object]] = {
-    ending: lambda path, vertices, faces: Mesh(vertices, faces).save(path) for ending in ("ply", "stl", "off", "obj")
-}
-
-
-@pytest.mark.parametrize("ending", WRITERS)
+@pytest.mark.parametrize("ending", ["ply", "stl", "off", "obj"])
 @pytest.mark.parametrize(("degrees", "sharp"), [(29, False), (31, True), (90, True)])
 def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: bool, tmp_path: Path) -> None:
     vertices, faces = strip(degrees)
-    WRITERS[ending](tmp_path / f"a.{ending}", vertices, faces)
+    Mesh(vertices, faces).save(tmp_path / f"a.{ending}")
     load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
     least = least_cosine(tmp_path / "a.glb")
     assert (least > 0.9999) == sharp
@@ -108,15 +102,6 @@ def test_a_smooth_shape_keeps_its_vertices(tmp_path: Path) -> None:
     scene = load(tmp_path / "a.glb").scene
     assert scene is not None
     assert len(scene.primitives[0].vertices) == len(vertices)
-
-
-def test_faces_of_one_vertex_share_normals_by_their_edges() -> None:
-    vertices, faces = strip(20, steps=3)
-    group, normals = corner_normals(vertices, faces, np.full(len(faces), UNSAID))
-    assert len(np.unique(group)) == len(vertices)
-    assert np.allclose(np.linalg.norm(normals[np.unique(group)], axis=1), 1)
-    flat, _ = corner_normals(vertices, faces, np.full(len(faces), FLAT))
-    assert len(np.unique(flat)) == 3 * len(faces)
 
 
 def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path: Path) -> None:
@@ -187,26 +172,12 @@ def leaf(ending: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("ending", ["obj", "glb"])
-def test_normals_of_an_artist_turn_with_the_surface_and_ignore_translations(ending: str, tmp_path: Path) -> None:
+def test_normals_of_an_artist_turn_with_the_surface_and_ignore_other_motions(ending: str, tmp_path: Path) -> None:
     mesh = load(leaf(ending, tmp_path))
-    mesh.save(tmp_path / f"shifted.{ending}", mesh.vertices + [0.3, -2.7, 1 / 3])
-    assert all((each == (0, 1, 0)).all() for each in normals_of(tmp_path / f"shifted.{ending}"))
+    for moved in (mesh.vertices + [0.3, -2.7, 1 / 3], mesh.vertices * 2):
+        mesh.save(tmp_path / f"moved.{ending}", moved)
+        assert all((each == (0, 1, 0)).all() for each in normals_of(tmp_path / f"moved.{ending}"))
     turn = Rotation.from_rotvec([0.4, -0.7, 1.1])
     mesh.save(tmp_path / f"turned.{ending}", turn.apply(mesh.vertices.copy()))
     for each in normals_of(tmp_path / f"turned.{ending}"):
         assert np.allclose(each, turn.apply([0, 1, 0]), atol=1e-6)
-
-
-def test_the_exact_normals_of_a_ball_stay_exact(tmp_path: Path) -> None:
-    phi, theta = np.meshgrid(np.linspace(0.2, np.pi - 0.2, 9), np.linspace(0, 2 * np.pi, 13)[:-1], indexing="ij")
-    ball = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=-1).reshape(-1, 3)
-    grid = np.arange(108).reshape(9, 12)
-    a, b, c, d = (each.ravel() for each in (grid[:-1], np.roll(grid, -1, 1)[:-1], grid[1:], np.roll(grid, -1, 1)[1:]))
-    faces = np.vstack([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    gltf = Gltf()
-    normals = gltf.accessor(ball, 5126, "VEC3")
-    gltf.node(mesh=gltf.mesh("ball", ball, faces, attributes={"NORMAL": normals}))
-    mesh = load(write(tmp_path / "ball.glb", gltf.glb()))
-    for moved in (mesh.vertices + [1, 2, 3], mesh.vertices * 2):
-        mesh.save(tmp_path / "out.glb", moved)
-        assert np.array_equal(normals_of(tmp_path / "out.glb")[0], normals_of(tmp_path / "ball.glb")[0])

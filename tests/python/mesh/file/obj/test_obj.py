@@ -36,16 +36,6 @@ def test_odd_ways_to_write_a_file_read_alike(change: object, tmp_path: Path) -> 
     assert np.array_equal(mesh.faces, CUBE)
 
 
-def test_faces_of_two_corners_are_left_out_and_said(tmp_path: Path) -> None:
-    path = write(tmp_path / "line.obj", obj_cube() + "f 1 2\n")
-    with pytest.warns(UserWarning, match=r"has 1 faces of fewer than three corners, the first in line 21") as caught:
-        mesh = load(path)
-    assert caught[0].filename == __file__
-    assert len(mesh.faces) == 12
-    mesh.save(tmp_path / "out.obj")
-    assert (tmp_path / "out.obj").read_bytes() == path.read_bytes()
-
-
 @given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=12, unique=True), st.data())
 def test_parsing_agrees_with_reading_line_by_line(
     positions: list[tuple[float, float, float]], data: st.DataObject
