@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import copy
 import shutil
 from pathlib import Path
 
 import pytest
-from hypothesis import given
 
-from tests.fuzz.mutation import VALUES, damaged_json
 from tests.fuzz.targets import TARGETS, run
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 CHECKS = {name.split(".")[0] + Path(name).suffix: check for name, (_, check) in TARGETS.items()}
-
-UNCHANGED_VALUES = copy.deepcopy(VALUES)
 
 
 @pytest.mark.parametrize("kept", sorted(CORPUS.iterdir()), ids=lambda path: path.name)
@@ -31,11 +26,6 @@ def test_these_are_refused(kept: str) -> None:
     with pytest.raises(ValueError, match=r"document|position|locality|faces|cut|lines|load") as refusal:
         check(CORPUS / kept)
     assert "\n" not in str(refusal.value)
-
-
-@given(damaged_json({"points": [[0, 1], [2, 3]]}))
-def test_changes_of_one_document_leave_others_as_they_are(changed: object) -> None:
-    assert VALUES == UNCHANGED_VALUES, changed
 
 
 def test_a_broken_promise_fails(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from damage import DAMAGES, damaged
+from damage import damaged
 from every_control import use_every_control
 from made_field import field_of
 
@@ -77,24 +77,3 @@ def test_a_damaged_mesh_is_distilled(tiny_encoder: Path) -> None:
     weights = dfd.bind(features, [0])
     assert weights.min() >= 0
     assert weights.max() <= 1
-
-
-def test_the_same_seed_does_the_same_damage() -> None:
-    once, again = (damaged(shape(0), 5) for _ in range(2))
-    assert once[1] == again[1]
-    np.testing.assert_array_equal(once[0].vertices, again[0].vertices)
-    np.testing.assert_array_equal(once[0].faces, again[0].faces)
-
-
-def test_every_kind_of_damage_is_done() -> None:
-    done = " ".join(damaged(shape(0), seed)[1] for seed in range(60))
-    assert all(damage.__name__ in done for damage in DAMAGES)
-
-
-def test_what_is_not_finite_is_refused_at_the_door() -> None:
-    mesh, _ = damaged(shape(0), 1)
-    for wrong in (np.nan, np.inf):
-        vertices = mesh.vertices.copy()
-        vertices[len(vertices) // 2, 1] = wrong
-        with pytest.raises(ValueError, match="Mesh: `vertices` must be finite"):
-            dfd.Mesh(vertices, mesh.faces)

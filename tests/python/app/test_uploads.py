@@ -15,7 +15,7 @@ from PIL import Image
 import dfd
 from dfd.app.options import OpenedFile, read_shape
 from dfd.app.session.kept_edits import upload_folder
-from dfd.app.web.uploads import BESIDE, FORMATS, MOST_FILES, receive
+from dfd.app.web.uploads import MOST_FILES, receive
 
 OBJ = b"mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
 MTL = b"newmtl red\nKd 1 0 0\n"
@@ -155,13 +155,6 @@ def test_textures_are_found_by_path_or_else_by_name(name: str, packed: bool, tmp
     assert np.allclose(dfd.load(tmp_path / "out" / f"o{upload.mesh.path.suffix}").vertex_colors(), (1, 0, 0, 1))
 
 
-def test_files_of_macos_are_no_files_of_a_zip(tmp_path: Path) -> None:
-    content = {"x/m.obj": OBJ, "x/__MACOSX/._m.obj": b"x", "x/._n.obj": b"x", "x/looks.mtl": MTL}
-    upload = receive(named({"a.zip": zipped(content), "._a.zip": b"x"}), tmp_path, 10_000)
-    assert upload.mesh is not None
-    assert everything_in(tmp_path) == sorted([upload.mesh.path.name, "looks.mtl"])
-
-
 def test_a_stored_upload_finds_its_textures_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DFD_DATA", str(tmp_path))
     upload = receive(named(RED_MESHES["a folder above"]), tmp_path / "edits" / "key", 100_000)
@@ -171,11 +164,6 @@ def test_a_stored_upload_finds_its_textures_again(tmp_path: Path, monkeypatch: p
     assert np.allclose(read_shape(stored)[0].vertex_colors(), (1, 0, 0, 1))
     assert upload_folder(tmp_path / "a.obj") is None
     assert upload_folder(tmp_path / "edits" / "key.json") is None
-
-
-def test_the_page_offers_what_a_mesh_names() -> None:
-    assert {".mtl", ".bin", ".png", ".jpg"} <= set(BESIDE)
-    assert not set(BESIDE) & set(FORMATS)
 
 
 def broken(position: int) -> bytes:

@@ -15,7 +15,7 @@ import dfd
 from bench.paper import comparisons, controls, features, figures, page, resolution, subjects
 from bench.paper.comparisons import COMPARED, FEW, JOBS, MANY, WITH_BALL, WITHOUT_BALL, same
 from bench.paper.figures import FIGURES
-from bench.paper.page import ALIKE, Row
+from bench.paper.page import Row
 from bench.paper.resolution import FACES, FORWARD, KEPT, LUCY, PHASES, of_count
 from bench.paper.subjects import NAMES
 from bench.peers.peer import Done, Job
@@ -261,17 +261,3 @@ def test_large_meshes_are_posed_in_blocks(monkeypatch: pytest.MonkeyPatch) -> No
     moved = dfd.pose(mesh.vertices, weights, np.c_[np.eye(3), by][None])
     np.testing.assert_allclose(resolution.translated(field, mesh, 5, by), moved, atol=1e-12)
     assert np.abs(moved - mesh.vertices).max() == pytest.approx(0.2)
-
-
-def test_random_smooth_features_reach_no_agreement() -> None:
-    mesh, case = table(), FOOT
-    at = [subjects.Shape("", mesh).at(place) for place in (case.at, *case.like, *case.unlike)]
-    low, sides = mesh.bounds[0], mesh.extents
-    found = []
-    for seed in range(900):
-        rows = smooth(seed, (1.0, 2.0, 3.0)[seed % 3])((mesh.vertices[at] - low) / sides)
-        rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-        follows = np.zeros(len(mesh.vertices))
-        follows[at] = np.maximum(1 - np.linalg.norm(rows - rows[0], axis=1), 0)
-        found.append(subjects.agreement(mesh, case, follows))
-    assert np.mean(np.array(found) >= ALIKE) < 0.01

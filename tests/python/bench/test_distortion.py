@@ -40,16 +40,3 @@ def test_a_face_that_is_folded_over_is_counted() -> None:
     assert found["flipped faces"] >= 2
     assert found["volume %"] is None
     assert surface_metrics(mesh, grid[:, [1, 0, 2]])["flipped faces"] == 0
-
-
-def test_wrong_vertices_are_refused() -> None:
-    with pytest.raises(ValueError, match="`vertices`"):
-        surface_metrics(BOX, BOX.vertices[:4])
-    with pytest.raises(ValueError, match="`vertices` must be finite"):
-        surface_metrics(BOX, np.full((8, 3), np.nan))
-
-
-def test_a_mesh_without_area_is_refused() -> None:
-    flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    with pytest.raises(ValueError, match="`mesh` must have a face with an area"):
-        surface_metrics(flat, flat.vertices)

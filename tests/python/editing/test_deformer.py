@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import dfd
 from dfd.editing.edit import Edit, Fixed, symmetry_on
 from dfd.editing.points import Place
-from dfd.editing.shape import resting
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -182,43 +181,30 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
     ("change", "message"),
     [
         (lambda d: d.add(10**6), r"Deformer.add: `at` must lie in 0 … \d+, got 1000000"),
-        (lambda d: d.add(-(10**6)), r"Deformer.add: `at` must lie in 0"),
         (lambda d: d.add(1.5), r"Deformer.add: `at` must be a vertex index, a point, a region or a text, got 1.5"),
         (lambda d: d.add((0, 0, math.nan)), r"Deformer.add: `at` must be finite"),
         (lambda d: d.add(5), r"`handles` must lie at distinct places, got two at 5"),
         (lambda d: d.add(d.mesh.vertices[5]), r"`handles` must lie at distinct places, got two at"),
         (lambda d: d.add(6), r"`fixed` must be at unused places, but the place 6 is already used by handle"),
         (lambda d: d.add(7, locality=-1), r"Deformer.add: `locality` must be at least 0, got -1"),
-        (lambda d: d.add(7, locality=math.nan), r"Deformer.add: `locality` must be finite, got nan"),
         (lambda d: d.add(7, name=""), r"Deformer.add: `name` must be a text that is not empty, got ''"),
-        (lambda d: d.add(7, name=3), r"Deformer.add: `name` must be a text"),
-        (lambda d: d.add(7, scale=(1, 2)), r"Deformer.add: `scale` must be one number or 3"),
         (lambda d: d.add(7, scale=1e39), r"Deformer.add: `scale` must be numbers of at most 1e\+38, got 1e\+39"),
-        (lambda d: d.move(1, translation=(0, -1e39, 0)), r"Deformer.move: `translation` must be numbers of at most"),
-        (lambda d: d.set_default(translation=(1e39, 0, 0)), r"Deformer.set_default: `translation` must be numbers of"),
-        (lambda d: d.set_default(pivot=(1e39, 0, 0)), r"Deformer.set_default: `pivot` must be numbers of at most"),
         (lambda d: d.set_symmetry("x", band=1e39), r"Deformer.set_symmetry: `band` must be at most 1e\+38"),
         (lambda d: d.set_symmetry("x=1e39"), r"Deformer.set_symmetry: `plane` must be at most 1e\+38"),
         (lambda d: d.add("component@" * 5000 + "5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
-        (lambda d: d.add("component@ component@5"), r"Deformer.add: `at` must be a vertex index, a point x,y,z"),
         (lambda d: d.move(99, scale=2), r"Deformer.move: `handle` must be the id of a handle \(1\), got 99"),
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
-        (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
         (lambda d: d.move(1, pivot="center"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
         (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given with `towards`"),
-        (lambda d: d.move(1, bend=(1, 2)), r"Deformer.move: `bend` must be 3 numbers"),
         (
             lambda d: d.move(1, bend=(1, 0, 0), towards="up"),
             r"Deformer.move: `bend` must be one angle, and not a vector, beside `towards`",
         ),
-        (lambda d: d.move(1, joint=1.5), r"Deformer.move: `joint` must be at most 1"),
         (lambda d: d.move(1, joint="knee"), r"Deformer.move: `joint` must be spread, auto, here"),
-        (lambda d: d.twist(1, math.inf), r"Deformer.move: `twist` must be finite"),
         (lambda d: d.change(99), r"Deformer.change: `handle` must be the id of a handle"),
         (lambda d: d.change(1, at=6), r"`fixed` must be at unused places, but the place 6 is already used by handle 1"),
         (lambda d: d.change(1, locality=-2), r"Deformer.change: `locality` must be at least 0"),
         (lambda d: d.remove(99), r"Deformer.remove: `handle` must be the id of a handle"),
-        (lambda d: d.handle(99), r"Deformer.handle: `handle` must be the id of a handle"),
         (lambda d: d.fix(6), r"`fixed` must be at unused places, but the place 6 is already used by a fixed point"),
         (lambda d: d.fix(5), r"`fixed` must be at unused places, but the place 5 is already used by handle 1"),
         (
@@ -229,7 +215,6 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.set_symmetry("w"), r"Deformer.set_symmetry: `plane` must have the form x, x=0.1 or 0.6,0,0.8=0.1"),
         (lambda d: d.set_symmetry(1), r"`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got int"),
         (lambda d: d.set_symmetry("x", band=-1), r"Deformer.set_symmetry: `band` must be at least 0"),
-        (lambda d: d.set_default(scale=math.nan), r"Deformer.set_default: `scale` must be finite"),
         (
             lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 0.0), 10**6)),))),
             r"Deformer.apply: `fixed\[0\]` must lie in 0",
@@ -288,11 +273,6 @@ def test_in_the_paper_s_preset_a_resting_handle_takes_its_share(paper, fresh, me
     both.add(other)
     np.testing.assert_array_equal(paper.vertices, both.vertices)
     assert np.abs(paper.vertices - alone).max() > 0.01
-
-
-def test_shapes_that_only_blend_bend_no_vertex(deformer, mesh):
-    deformer.add(5, translation=(0, 0.1, 0))
-    assert resting(deformer.bound, deformer.edit) is mesh.vertices
 
 
 @pytest.mark.parametrize("size", [3, 4])

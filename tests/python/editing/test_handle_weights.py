@@ -5,13 +5,8 @@ from unittest import mock
 import numpy as np
 import pytest
 import reference
-from hypothesis import given
-from hypothesis import strategies as st
-from made_field import made_field
 
 import dfd
-from dfd.editing import shape
-from dfd.editing.edit import Edit
 from dfd.editing.weights import handle_features
 from dfd.field.field import Field
 
@@ -77,44 +72,7 @@ def test_a_drag_recomputes_only_the_moving_handle_and_equals_a_pose(fresh, folds
         np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
 
 
-def test_every_other_change_ends_a_drag(paper, fresh, folds):
-    deformer = paper
-    handles = [deformer.add(vertex, **ONE_PIVOT) for vertex in (5, 6, 7, 8, 9)]
-    deformer.add(900, translation=(0.1, 0, 0), **ONE_PIVOT)
-    changes = (
-        lambda: deformer.move(handles[0], scale=2),
-        lambda: deformer.move(handles[0], scale=1.5),
-        lambda: deformer.move(handles[1], scale=2),
-        lambda: deformer.change(handles[1], at=10),
-        lambda: deformer.move(handles[1], scale=3),
-        lambda: deformer.fix(1500),
-        lambda: deformer.move(handles[1], scale=1.2),
-        lambda: deformer.set_symmetry("x"),
-        lambda: deformer.move(handles[1], scale=1.1),
-        lambda: deformer.set_default(translation=(0, 0, 1)),
-        lambda: deformer.remove(handles[3]),
-        lambda: deformer.change(handles[2], name="knee"),
-    )
-    _ = deformer.vertices
-    for change in changes:
-        change()
-        moved = deformer.vertices
-        other = fresh()
-        other.apply(deformer.edit)
-        with mock.patch.object(shape, "pose", dfd.pose):
-            np.testing.assert_allclose(moved, other.vertices, rtol=0, atol=1e-12)
-    assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
-
-
 # --- distances
-
-
-def test_locality_is_each_handle_s_own(paper, geodesics_of):
-    geodesics = geodesics_of(paper)
-    paper.add(5, locality=3.0)
-    paper.add(900)
-    wanted = dfd.bind(paper.features, [5, 900], geodesic=geodesics.distances([5, 900]), locality=[3.0, 0.0])
-    np.testing.assert_array_equal(paper.weights, wanted)
 
 
 def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, mesh):
@@ -145,44 +103,6 @@ def test_in_the_paper_s_preset_distances_start_at_the_handle_alone(paper, geodes
 
 
 # --- columns of weights
-
-
-STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
-
-
-@given(st.lists(st.tuples(STEPS, st.integers(0))))
-def test_weights_do_not_depend_on_earlier_steps(steps):
-    features = FEW.features(SMALL)
-    deformer = dfd.Deformer(SMALL, FEW, preset="paper", features=features)
-    held = []
-    for step, number in steps:
-        taken = [handle.place.vertex for handle in deformer.handles]
-        free = [vertex for vertex in range(len(SMALL.vertices)) if vertex not in taken]
-        if step == "add":
-            deformer.add(free[number % len(free)])
-        elif step == "remove" and taken:
-            deformer.remove(deformer.handles[number % len(taken)].id)
-        elif step == "change" and taken:
-            deformer.change(deformer.handles[number % len(taken)].id, at=free[number % len(free)])
-        elif step == "turn":
-            deformer.apply(Edit(handles=deformer.handles[::-1], preset="paper"))
-        elif step == "undo":
-            deformer.undo()
-        elif step == "redo":
-            deformer.redo()
-        elif step == "hold":
-            held.append((deformer.weights, deformer.weights.copy()))
-        elif step == "look":
-            now = [handle.place.vertex for handle in deformer.handles]
-            np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
-    now = [handle.place.vertex for handle in deformer.handles]
-    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
-    for array, copy in held:
-        np.testing.assert_array_equal(array, copy)
-
-
-SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
-FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
 
 
 # --- compact features

@@ -5,7 +5,6 @@ import pytest
 from made_field import field_of
 
 import dfd
-from dfd.editing.controls import Controls
 from dfd.editing.weights import held_part, session_weights
 from dfd.editing.weights.fill import Counterpart
 from dfd.export.rig import rig_of
@@ -157,15 +156,6 @@ def test_equalize_gives_no_vertex_more_weight_than_the_handle(session, mesh, ask
     assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
 
 
-def test_a_handle_without_counterparts_says_that_none_moves(session, asked, foot):
-    handle = session.add(foot, translation=(0, -0.2, 0), follow="none")
-    off = session.counterparts(handle)[1][0].vertex
-    session.change(handle, excluded_counterparts=[off])
-    assert [on for _, on in session.counterparts(handle)] == [True, False, False, False]
-    session.change(handle, follow="all")
-    assert [on for _, on in session.counterparts(handle)] == [True, False, True, True]
-
-
 @pytest.mark.parametrize("counterparts", ["own_pivot", "shared_pivot"])
 def test_single_counterparts_can_be_excluded(session, sample, mesh, asked, foot, counterparts):
     handle = session.add(foot, translation=(0, -0.2, 0), counterparts=counterparts)
@@ -216,16 +206,6 @@ def test_a_leg_follows_the_handle_on_it_instead_of_another_handle(session, sampl
     session.move(2, translation=(0, 0, 0))  # this handle is at rest, so its leg follows the first handle
     members = leg(sample, 2)
     np.testing.assert_allclose(session.vertices[members], mesh.vertices[members] - (0, 0.2, 0), atol=1e-6)
-
-
-def test_counterparts_of_a_new_handle_have_their_own_pivots(session, mesh, foot):
-    handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", counterparts="own_pivot")
-    by_default = session.vertices
-    session.change(handle, counterparts="own_pivot")
-    np.testing.assert_array_equal(session.vertices, by_default)
-    session.change(handle, counterparts="shared_pivot")
-    assert (session.vertices != by_default).any()
 
 
 def test_a_rig_has_the_bands_of_its_widest_pose(mesh, field, sample, foot):

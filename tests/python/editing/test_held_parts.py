@@ -4,8 +4,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from made_field import field_of
 from made_tube import AROUND, tube
 
@@ -286,31 +284,6 @@ def test_counterparts_are_mirror_images_without_symmetry_of_the_whole_shape(pair
         assert np.abs(moved[:count]).max() > 0.2
         np.testing.assert_allclose(moved[count : 2 * count] * (-1, 1, 1), moved[:count], atol=0.06)
         turned.remove(handle)
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=4, deadline=None)
-def test_each_of_several_handles_reaches_its_target(seed):
-    """Place handles at random on counterparts, on nested parts and on neighboring parts; half of them also rotate."""
-    random = np.random.default_rng(seed)
-
-    def motion():
-        turn = random.normal(size=3) * (40 if random.random() < 0.5 else 0)
-        return {"translation": random.normal(size=3) * 0.05, "rotation": turn, "level": int(random.integers(-1, 2))}
-
-    session = dfd.Deformer(CHAIR.mesh, field_of(CHAIR.mesh), features=CHAIR_FEATURES)
-    first = session.add(int(random.integers(len(CHAIR_FEATURES))), **motion())
-    counterparts = [one.vertex for one, _ in session.counterparts(first)[1:]]
-    for _ in range(3):
-        near = counterparts and random.random() < 0.5
-        at = int(random.choice(counterparts)) if near else int(random.integers(len(CHAIR_FEATURES)))
-        if at not in {handle.place.vertex for handle in session.handles}:
-            session.add(at, **motion())
-    assert all(handle.arrived for handle in session.report().handles)
-
-
-CHAIR = dfd.samples.chair(4000)
-CHAIR_FEATURES = np.eye(16, dtype=np.float32)[CHAIR.labels]
 
 
 def test_a_bend_towards_a_vector_is_one_towards_its_direction(one):

@@ -163,18 +163,6 @@ def test_planes_of_auto_are_those_across_axes_within_epsilon(mesh, field, featur
         session.set_symmetry("x", threshold=0.1)
 
 
-def test_the_paper_binds_full_features_of_any_number_of_vertices(mesh, field, monkeypatch, tmp_path):
-    monkeypatch.setattr(handle_features, "MOST_EXACT", 100)
-    paper = dfd.Deformer(mesh, field, preset="paper")
-    paper.save(tmp_path / "edit.json")
-    assert isinstance(paper.features, np.ndarray)
-    assert isinstance(dfd.Deformer.load(tmp_path / "edit.json", mesh, field).features, np.ndarray)
-    switched, default = dfd.Deformer(mesh, field), dfd.Deformer(mesh, field)
-    switched.preset = "paper"
-    assert isinstance(switched.features, np.ndarray)
-    assert isinstance(default.features, dfd.CompactFeatures)
-
-
 def test_a_preset_decides_about_features_whatever_was_read_before(mesh, field, monkeypatch, tmp_path):
     """Without this rule, a session and its saved file would differ by the error of compact features."""
     monkeypatch.setattr(handle_features, "MOST_EXACT", 100)

@@ -32,13 +32,6 @@ def store(name: str, cache: Path, age: float = 0.0, seed: int = 0) -> Path:
     return entry
 
 
-def test_a_field_is_found_by_its_key(cache: Path) -> None:
-    assert field_cache.find({"name": "a"}) is None
-    store("a", cache)
-    assert same(field_cache.find({"name": "a"}), made_field(4, width=8, layers=1))
-    assert field_cache.find({"name": "b"}) is None
-
-
 def test_a_damaged_entry_is_not_found_and_goes_when_its_field_is_stored_again(cache: Path) -> None:
     damaged, other = store("a", cache), store("b", cache)
     damaged.write_bytes(damaged.read_bytes()[:-4] + b"1234")
@@ -47,14 +40,6 @@ def test_a_damaged_entry_is_not_found_and_goes_when_its_field_is_stored_again(ca
     assert not damaged.exists()
     assert other.exists()
     assert same(field_cache.find({"name": "a"}), made_field(4, width=8, layers=1, seed=1))
-
-
-def test_a_folder_that_cannot_be_written_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "full").write_text("a file where a folder should be")
-    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "full"))
-    with pytest.warns(RuntimeWarning, match="cache folder .* cannot be written .* DFD_CACHE sets another") as told:
-        field_cache.store({"name": "a"}, made_field(4, width=8, layers=1))
-    assert len(told) == 1
 
 
 def test_no_file_stays_if_the_field_cannot_be_written(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

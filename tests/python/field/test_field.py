@@ -101,10 +101,8 @@ def test_no_points_give_no_rows(field: Field) -> None:
     [
         (np.zeros((4, 2)), r"Field: `points` must have shape \(N, 3\), got \(4, 2\)"),
         (np.full((2, 3), np.nan), r"Field: `points` must be finite, got nan at \[0, 0\]"),
-        ("somewhere", "Field: `points` must be a numeric array, got 'somewhere'"),
         (torch.ones(4, 3).to_sparse(), "^Field: `points` must be a dense tensor of real numbers"),
         (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
-        (np.full((2, 3), 1e36), "`points` must have coordinates within 1e.06 half sides .*, got 5e.35"),
         (np.full((2, 3), 1e308), "`points` must have coordinates within 1e.06 half sides"),
     ],
 )
@@ -127,7 +125,6 @@ def test_points_are_accepted_up_to_a_million_half_sides_from_the_center_of_the_b
     ("arguments", "message"),
     [
         ({"dimension": 0}, "`dimension` must be a whole number of at least 1, got 0"),
-        ({"dimension": 3, "width": 2.5}, "`width` must be a whole number, got 2.5"),
         ({"dimension": 3, "octaves": 17}, "`octaves` must be a whole number from 0 to 16, got 17"),
         ({"dimension": 3, "scale": 0.0}, "`scale` must be above 0, got 0"),
         ({"dimension": 3, "center": (0, 0)}, r"`center` must have shape \(3,\), got \(2,\)"),
@@ -207,7 +204,6 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
             r"must hold network.0.weight \(16, 15\), got .*\(16, 4\)",
         ),
         ({}, {"network.0.bias": np.full(16, np.nan, np.float32)}, "is damaged: `network.0.bias` must be finite"),
-        ({}, {"extra": np.zeros(1)}, "`parameters` must be those of a network, got"),
         ({}, {"scale": np.array(-1.0)}, "is damaged: `scale` must be above 0, got -1"),
         ({"network": json.dumps({**NETWORK, "layers": 3})}, {}, "must be those of .*layers=3.*, got .*layers=2"),
         ({"network": json.dumps({**NETWORK, "layers": 10**9})}, {}, "must be those of .*layers=1000000000"),
@@ -215,8 +211,6 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
         ({}, {"network.0.weight": np.full((16, 15), 3e38, np.float32)}, "its features are not finite"),
         ({"network": json.dumps({**NETWORK, "octaves": 99})}, {}, "`octaves` must be .* 16, got 99"),
         ({"network": json.dumps({**NETWORK, "depth": 3})}, {}, "has an unreadable header: .*depth"),
-        ({"network": json.dumps({**NETWORK, "width": 2**62})}, {}, "must be those of .*4611686018427387904"),
-        ({"network": "[3]"}, {}, "has an unreadable header"),
     ],
 )
 def test_wrong_file_is_refused(field: Field, tmp_path: Path, metadata: dict, tensors: dict, message: str) -> None:

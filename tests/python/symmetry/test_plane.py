@@ -64,13 +64,10 @@ def test_planes_as_people_write_them(text: str, normal: tuple, offset: float | N
         ("w", "must have the form x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         ("", "must have the form"),
         ("x=", "must have the form"),
-        ("x=a", "must have the form"),
         ("1,2=0", "must have the form"),
-        ("1,2,3", "must have the form"),
         ("x=1=2", "must have the form"),
         ("0,0,0=1", "must have a normal other than 0, got '0,0,0=1'"),
         ("x=nan", "must have finite numbers"),
-        ("1,inf,0=1", "must have finite numbers"),
     ],
 )
 def test_what_is_no_plane_is_refused(text: str, message: str) -> None:

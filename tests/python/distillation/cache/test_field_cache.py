@@ -89,11 +89,6 @@ def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path,
     assert asked.stdout.split(maxsplit=1) == ["True", "[]\n"]
 
 
-def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
-    with pytest.raises(ValueError, match="`encoder` must be a name, a folder or a loaded Encoder, got 5"):
-        dfd.distill(mesh, 5, **SMALL)  # type: ignore[arg-type]
-
-
 def test_any_other_ingredient_is_another_field(encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path) -> None:
     dfd.distill(mesh, encoder, **SMALL)
     changes = (

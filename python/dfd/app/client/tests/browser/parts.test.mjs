@@ -44,20 +44,6 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await shot(page, "part");
   });
 
-  await t.test("the smallest part cannot be made smaller", async () => {
-    const end = page.getByText("There is no smaller part here.");
-    for (let i = 0; i < 20 && !(await end.isVisible()); i++, await page.waitForTimeout(300))
-      await page.keyboard.press("[");
-    await end.waitFor();
-    const first = page.getByRole("group", { name: "Size of the part" }).getByRole("button").first();
-    await eventually(async () => {
-      assert.equal(await first.getAttribute("aria-pressed"), "true");
-      assert.match(await page.locator(".step").textContent(), /^1 of /);
-    });
-    assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "a toast is no note");
-    await shot(page, "part_smallest");
-  });
-
   await t.test("Shift adds a part, and Ctrl removes it", async () => {
     const vertices = await state(page, (s) => s.mesh.vertices);
     const far = Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * vertices));
@@ -100,13 +86,5 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     assert.ok(moved.includes(vertex) && moved.length <= part, `${moved.length} of ${part} moved`);
     await page.getByLabel("Limit to part").scrollIntoViewIfNeeded();
     await shot(page, "part_limited");
-  });
-
-  await t.test("reach can be switched between the part and a number", async () => {
-    const by = (name) => page.getByRole("group", { name: "Reach by" }).getByRole("button", { name });
-    await by("Part").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "part");
-    await by("Number").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "number");
   });
 });
