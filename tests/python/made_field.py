@@ -1,7 +1,5 @@
 """Make fields with random network weights, which need no distillation."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Write small mesh files for tests, and compare meshes."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

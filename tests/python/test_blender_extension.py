@@ -1,7 +1,5 @@
 """Test the modules of the Blender extension that need no Blender. `make test-blender` tests all of them inside it."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Read every input in tests/corpus as `make fuzz` reads it. Most of these inputs once failed."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

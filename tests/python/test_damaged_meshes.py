@@ -4,8 +4,6 @@ DFD_DAMAGED is the number of damaged meshes, by default 12. With DFD_MESHES, the
 damaged and undamaged.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import os
 import warnings

@@ -1,7 +1,5 @@
 """Test the metadata and the files of the distributions, and that files of the project agree on them."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import json

@@ -1,7 +1,5 @@
 """Test the docstrings: the reference lists the parameters of public functions and nothing else, and all code runs."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import inspect

@@ -1,7 +1,5 @@
 """Imports between packages: a package imports only packages before it in `PACKAGES`, and no imports are circular."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test that README and the pages of docs agree with the code. `make docs` runs the code on the pages."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import re

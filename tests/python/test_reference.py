@@ -1,7 +1,5 @@
 """Compare the slow reference functions with numbers that were computed by hand from the paper's equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import reference
 

@@ -1,7 +1,5 @@
 """A page for tests: a WebSocket that follows the protocol, and the files of a session."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

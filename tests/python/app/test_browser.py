@@ -4,8 +4,6 @@ The tests need Node with the client's packages (`npm ci`), the built page, and C
 one is missing. The scripts save screenshots in build/screens.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

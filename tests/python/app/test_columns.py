@@ -1,7 +1,5 @@
 """Test that posing by columns with the protocol's formula, as the page does, gives the result of the kernel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

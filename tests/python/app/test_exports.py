@@ -1,7 +1,5 @@
 """Test the files for download: shapes, rigs, animations, the edit and the field."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

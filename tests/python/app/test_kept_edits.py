@@ -1,7 +1,5 @@
 """Test that edits are kept on disk: after the tab is closed, another file is opened, or the server is stopped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test the command and the notebook. The command prints one line: the page's address, or an error with a remedy."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

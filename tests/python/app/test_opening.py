@@ -1,7 +1,5 @@
 """Test the files that a page uploads to the real server."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Test the requests of a page on the real server."""
 
-from __future__ import annotations
-
 import base64
 import json
 import threading

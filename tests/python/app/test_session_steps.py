@@ -1,7 +1,5 @@
 """Test the names of undo steps, and the ladder of parts at a vertex."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

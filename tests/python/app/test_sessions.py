@@ -1,7 +1,5 @@
 """Test that sessions continue after reloads, are independent, and share the data of one shape."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

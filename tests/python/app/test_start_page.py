@@ -1,7 +1,5 @@
 """Test what the start page does with kept edits: pictures, names, copies, deleting, and samples without an edit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test uploads: a mesh is stored with its materials and textures, and no name leads outside the folder."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

@@ -4,8 +4,6 @@ Four posts stand on the table, which have the shape of its legs. The true featur
 feet look alike, and the posts do not. A foot's weight falls from 1 at the ground to 0 at the top.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Judge the paper's claims on a small table: with random features they do not hold, with true features they do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Test the measures of distortion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE

@@ -1,7 +1,5 @@
 """Test the page of every figure and table on a small shape, and the methods that DFD is compared with."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tests of `check.choice`, and of `check.warn`, whose warnings point at the caller of `dfd`."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Tests of atomic writes: after an error, the old file is unchanged and no temporary file is left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat

@@ -1,7 +1,5 @@
 """Tests of work on several threads, with and without torch, and of errors in this work."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 

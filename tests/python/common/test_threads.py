@@ -1,13 +1,10 @@
 """Tests of threads: equal results for all thread counts, one OpenMP runtime for torch and dfd, and work after forks."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import threadpoolctl
 

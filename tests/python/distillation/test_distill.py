@@ -1,7 +1,5 @@
 """Test `distill` with the default encoder, from a mesh file to moved vertices."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterator

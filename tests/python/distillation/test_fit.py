@@ -1,7 +1,5 @@
 """Test the fit: its accuracy, its random numbers on each device, and its optimizer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

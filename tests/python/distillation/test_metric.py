@@ -1,7 +1,5 @@
 """Test the learned metric: mapped targets, files, and the fields that are distilled with it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Test `preset="paper"`: the distillation follows the paper, and the field records its settings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

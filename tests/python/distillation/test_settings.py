@@ -1,7 +1,5 @@
 """Test the settings of a distillation and their checks."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test the smoothing of features: its energy, components close together, hidden components and mirror links."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

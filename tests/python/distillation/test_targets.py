@@ -1,7 +1,5 @@
 """Test the targets of the fit: interpolation of tokens, unit length, and means over groups."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test thickness: known chords, bands on transformed copies, and numbers of threads."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Test how counterparts are found, their frames, and their shares of the weights."""
 
-from __future__ import annotations
-
 from unittest import mock
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test the keywords of `Deformer.add`, `move` and `change`: their names, and that mypy finds a misspelled one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

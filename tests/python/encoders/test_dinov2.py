@@ -1,7 +1,5 @@
 """Test that DINOv2 in plain torch gives the tokens of the model in transformers, without importing transformers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

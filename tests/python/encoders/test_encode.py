@@ -1,7 +1,5 @@
 """Test the encoding of images: accepted and refused arguments, and the settings of an encoder."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test encoders of every family, loaded from tiny networks with random weights."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from typing import Any

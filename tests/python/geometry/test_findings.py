@@ -1,7 +1,5 @@
 """Test the sentences about unusual properties of a mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,7 +1,5 @@
 """Test distances along the surface: exact values, a slow reference, gaps, and defective meshes."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

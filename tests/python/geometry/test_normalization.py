@@ -1,7 +1,5 @@
 """Tests of the normalization of shapes, including very large and very small shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test that copies with fewer faces have the same shape and colors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

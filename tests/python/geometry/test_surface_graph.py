@@ -1,7 +1,5 @@
 """Test the graph of a mesh: edges, and bridges where components touch or nearly touch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,7 +1,5 @@
 """Test counts on meshes with known defects, and the order of faces by position."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

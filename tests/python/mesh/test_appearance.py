@@ -1,7 +1,5 @@
 """Tests of surface colors from textures, vertex colors and materials, and of unreadable textures."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

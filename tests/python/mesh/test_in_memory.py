@@ -1,7 +1,5 @@
 """Tests of meshes from memory: conversion from pairs of arrays, and from and to trimesh objects."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

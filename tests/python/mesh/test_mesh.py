@@ -1,7 +1,5 @@
 """Tests of `Mesh`: read-only copies, bounds, normals, content hashes and errors for invalid arrays."""
 
-from __future__ import annotations
-
 import pickle
 from types import SimpleNamespace
 

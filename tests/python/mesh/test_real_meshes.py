@@ -1,7 +1,5 @@
 """Test that saved meshes load unchanged, with all meshes in the folder that `DFD_MESHES` names, if it is set."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from pathlib import Path

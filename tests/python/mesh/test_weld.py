@@ -1,7 +1,5 @@
 """Tests of welding, which finds the distinct positions of an array and numbers them."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

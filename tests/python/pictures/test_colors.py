@@ -1,7 +1,5 @@
 """Test the colors of weights and features."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test sheets of captioned pictures, and their text."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test pictures and progress bars in notebooks."""
 
-from __future__ import annotations
-
 import io
 from unittest import mock
 

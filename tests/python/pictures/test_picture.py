@@ -1,7 +1,5 @@
 """Test pictures of shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test `blend` and `overlap`: against the slow reference implementation, and by their purposes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference

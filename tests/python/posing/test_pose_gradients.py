@@ -1,7 +1,5 @@
 """Test the gradients of a linear blend, and the errors for options without gradients."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Test that generated shapes are closed, exactly symmetric and labelled, with the requested number of faces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test mirror planes: their reflections, and planes as text."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from symmetry.shapes import creature

@@ -1,7 +1,5 @@
 """Test the search for mirror planes: at any position, with asymmetric parts, and on asymmetric shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

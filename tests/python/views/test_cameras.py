@@ -1,7 +1,5 @@
 """Test cameras: even directions, orthonormal bases, tight framing of the whole shape, and mirrored pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

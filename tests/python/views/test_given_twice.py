@@ -1,7 +1,5 @@
 """A file that has its shape twice, as front and back copies, gives the encoder the pictures of one copy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test intersections of rays with triangles: the conventions of Embree, and rays without a hit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

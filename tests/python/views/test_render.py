@@ -1,7 +1,5 @@
 """Test views: the surface point of each pixel (Eq. 2), and pictures that depend only on the shape."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Test light, colors and transparent surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

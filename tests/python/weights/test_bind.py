@@ -1,7 +1,5 @@
 """Test weights: against the slow reference implementation, against exact values, and with bad input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference

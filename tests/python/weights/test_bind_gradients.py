@@ -1,7 +1,5 @@
 """Test the gradients of weights, and the errors for arguments without gradients."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Test handles and fixed points that are regions: their weight comes from the member with the nearest feature."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference

@@ -1,7 +1,5 @@
 """The cache of fields: found only for the very same call, sound or redone, bounded, and never in the way."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -3,8 +3,6 @@
 The numbers hold to 1e-3 on any machine.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One missing value of an attribute does not discard the others: in every format, it is filled or computed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

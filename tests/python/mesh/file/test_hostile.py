@@ -1,7 +1,5 @@
 """Files from strangers: nothing private is read or written, nothing waits, counts are bounded before allocation."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Reading: what every format gives, and what is refused with one sentence."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages about files and values that cannot be used: one line that says what they are, and what to do."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json

@@ -1,7 +1,5 @@
 """Files that a mesh file names are found by their path, in any case, or else by their name beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

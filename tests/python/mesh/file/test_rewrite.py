@@ -1,7 +1,5 @@
 """Saving in the file's own format: new positions in its own bytes, precision and byte order, and nothing else."""
 
-from __future__ import annotations
-
 import re
 import struct
 import warnings

@@ -1,7 +1,5 @@
 """Writing: what a round trip through a file keeps, and what happens when it fails."""
 
-from __future__ import annotations
-
 import resource
 from pathlib import Path
 

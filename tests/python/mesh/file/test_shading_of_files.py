@@ -1,7 +1,5 @@
 """Normals of files without normals: flat or smooth as the file says, else divided at edges of more than 30°."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

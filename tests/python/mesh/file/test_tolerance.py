@@ -1,7 +1,5 @@
 """What programs write beyond the letter of OBJ, PLY, STL and OFF: read in every format, or named."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """glTF files that are compressed, quantized or sparse: read as what they stand for, saved so that others read them."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

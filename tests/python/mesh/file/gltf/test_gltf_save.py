@@ -1,7 +1,5 @@
 """glTF files are patched, not written anew."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

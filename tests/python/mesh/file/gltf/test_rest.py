@@ -1,7 +1,5 @@
 """The shape at rest of glTF files: skins and morph targets as three.js shows them, mirrored nodes right side out."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

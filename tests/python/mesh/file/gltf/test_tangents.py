@@ -1,7 +1,5 @@
 """Tangents of glTF files turn with the surface, and further attributes keep their values."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

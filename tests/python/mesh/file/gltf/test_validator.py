@@ -4,8 +4,6 @@ The sources are samples and made files and, if `DFD_MESHES` names a folder of me
 the folders `corpus`, `reports` and `lessons/rigs` beside it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """OBJ files: every way to write one reads as it is meant, and saving changes positions and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

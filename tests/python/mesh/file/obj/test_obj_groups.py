@@ -1,7 +1,5 @@
 """Face groups of OBJ files, whether the file's parts were made of them or not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Options of textures in MTL files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
