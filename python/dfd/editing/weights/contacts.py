@@ -66,19 +66,22 @@ class Contacts:
     # drawn: (N,) distance of the nodes of touched pieces from the drawing contacts; infinite elsewhere. For vertices,
     # (D,): the last D vertices of the component lie on touched pieces
     drawn: NDArray[np.floating]
+    # base: (N,) the node of the component that a node of touched pieces follows; −1 elsewhere
+    base: Int64
     reach: float  # half of the largest distance on a touched piece, the smallest of all touched pieces
     free: float = 0.0  # A: largest distance of the inner end of the band at the kept contacts from them
 
     def at_vertices(self, nodes: Nodes, vertices: Int64) -> tuple["Contacts", Int64]:
         """Return the contacts with distances of `vertices` (M,), and the vertices (D,) of touched pieces that follow.
 
-        The distances are those of both, (M + D,), one after the other.
+        The distances are those of both, (M + D,), one after the other. For the latter, they are those of `base` (D,).
         """
         touched = np.flatnonzero((self.drawn < self.reach)[nodes.follows][nodes.of_vertex])
+        base = self.base[nodes.follows][nodes.of_vertex[touched]]
         apart = nodes.known_at(self.apart[nodes.follows], vertices)
         drawn = nodes.known_at(self.drawn[nodes.follows], touched)
-        apart = np.concatenate([apart, np.full(len(touched), np.inf)])
-        return replace(self, apart=apart.astype(np.float32), drawn=drawn.astype(np.float32)), touched
+        apart = np.concatenate([apart, self.apart[base]])
+        return replace(self, apart=apart.astype(np.float32), drawn=drawn.astype(np.float32), base=base), touched
 
 
 def joined(nodes: Nodes, component: Int64) -> Int64:
@@ -203,6 +206,8 @@ def _contacts(
     inside, piece = component == number, nodes.component
     own_area = nodes.area[inside].sum()
     kept, drawing, held_back, sources = list[Contact](), list[Contact](), list[Int64](), list[Int64]()
+    partner = np.full(len(inside), -1)
+    partner[beside] = touching
     for which in np.unique(piece[beside]):
         at = piece[beside] == which
         points = np.unique(touching[at])
@@ -226,15 +231,25 @@ def _contacts(
         free = inside.copy()
         free[contacts] = False
         apart[free & ~_moving(nodes, free, held)] = 0.0
-    drawn, reach = np.full(len(inside), np.inf), np.inf
+    drawn, base, reach = np.full(len(inside), np.inf), np.full(len(inside), -1), np.inf
     for source in sources:
         some = np.flatnonzero((piece == piece[source[0]]) & (component < 0))
-        away = _distances(nodes.surface, some, source)
-        drawn[some] = np.minimum(drawn[some], away)
+        away, _, nearest = dijkstra(
+            nodes.surface[some][:, some], indices=np.searchsorted(some, source), min_only=True, return_predecessors=True
+        )
+        nearer = away < drawn[some]
+        drawn[some[nearer]], base[some[nearer]] = away[nearer], partner[some[nearest[nearer]]]
         reach = min(reach, float(away[np.isfinite(away)].max()) / 2)
     if sources:
-        drawn = with_following(nodes, component, drawn, reach, own_area)
-    return Contacts(tuple(kept), apart, tuple(drawing), drawn, reach)
+        followed = with_following(nodes, component, drawn, reach, own_area)
+        if len(more := np.flatnonzero(np.isfinite(followed) & ~np.isfinite(drawn))):
+            some = np.flatnonzero(np.isfinite(followed))
+            near = np.flatnonzero(base[some] >= 0)
+            nearest = dijkstra(nodes.graph[some][:, some], indices=near, min_only=True, return_predecessors=True)[2]
+            base[some] = base[some[np.maximum(nearest, 0)]]
+            followed[some[nearest < 0]] = np.inf
+        drawn = followed
+    return Contacts(tuple(kept), apart, tuple(drawing), drawn, base, reach)
 
 
 def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, area: float) -> Float64:
@@ -250,18 +265,25 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     row, beside = row[across], beside[across]
     small = np.bincount(piece, nodes.area) < SMALLER * area
     small[piece[(component >= 0) | np.isfinite(away)]] = False
-    small[piece[row[component[beside] >= 0]]] = False
-    pulled = np.zeros(len(small), bool)
-    pulled[piece[row[away[beside] < reach]]] = True
+    ended = np.zeros(len(small), bool)  # pieces with a border of the part on their own surface
+    edge = np.repeat(np.arange(len(piece)), np.diff(nodes.surface.indptr))
+    ended[piece[edge[(component[edge] >= 0) & (component[nodes.surface.indices] < 0)]]] = True
+    small[piece[row[(component[beside] >= 0) & ~ended[piece[beside]]]]] = False
+    both = small[piece[row]] & small[piece[beside]]
+    group = connected_components(csr_array((both, (piece[row], piece[beside])), shape=(len(small),) * 2))[1]
+    pulled = np.isin(group, group[piece[row[small[piece[row]] & (away[beside] < reach)]]])
     some = np.flatnonzero((small & pulled)[piece])
     if not len(some):
         return away
-    at = np.isin(row, some)
-    place, known = np.searchsorted(some, row[at]), np.minimum(away[beside[at]], reach)
     conductance = nodes.surface[some][:, some]
     conductance.data = 1 / conductance.data
+    spring = 1e3 * float(np.asarray(conductance.sum(axis=1)).max(initial=1.0))
+    among = np.isin(row, some) & np.isin(beside, some)
+    touching = (np.full(among.sum(), spring), np.searchsorted(some, [row[among], beside[among]]))
+    conductance = conductance + csr_array(touching, shape=conductance.shape)
     total = np.asarray(conductance.sum(axis=1)).ravel()
-    spring = 1e3 * total.max(initial=1.0)
+    at = np.isin(row, some) & ~among
+    place, known = np.searchsorted(some, row[at]), np.minimum(away[beside[at]], reach)
     held, values = (spring * np.bincount(place, each, len(some)) for each in (np.ones(len(place)), known))
     result = away.copy()
     result[some] = splu((diags_array(total + held) - conductance).tocsc()).solve(values)

@@ -264,7 +264,7 @@ def weights_in(component: Component, band: Band) -> Float32:
         weights *= weights_at(contacts.apart, Band(band.loose, band.kept))
         if count := len(contacts.drawn):
             outward = Band(band.drawn_outward, 0.0)
-            weights[-count:] = np.float32(band.drawn) * weights_at(-contacts.drawn, outward)
+            weights[-count:] *= np.float32(band.drawn) * weights_at(-contacts.drawn, outward)
     return weights
 
 

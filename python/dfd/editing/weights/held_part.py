@@ -128,7 +128,9 @@ def _components(
     outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
     if attached:
         areas = np.bincount(component[inside], nodes.area[inside])
-        apart = np.array([with_following(nodes, component, *each) for each in zip(apart, reach, areas, strict=True)])
+        for k in range(count):
+            away = np.where(component == k, -depth, apart[k])
+            apart[k] = np.where(component == k, apart[k], with_following(nodes, component, away, reach[k], areas[k]))
     deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
     shares = _shares(apart, component, int(nodes.of_vertex[counterparts[0].vertex]), outward)
     fields, inward = [], INSIDE * deepest
@@ -269,8 +271,8 @@ def _at_vertices(
     if contacts is not None:
         contacts, touched = contacts.at_vertices(nodes, vertices)
         vertices = np.concatenate([vertices, touched])
-        depth = np.concatenate([depth, np.full(len(touched), np.inf)])
-        shares = np.concatenate([shares, np.ones(len(touched))])
+        depth = np.concatenate([depth, field[contacts.base]])
+        shares = np.concatenate([shares, share[contacts.base]])
     found = {
         "core": Share(core.astype(np.int32), np.ones(len(core), np.float32)),
         "vertices": vertices.astype(np.int32),
