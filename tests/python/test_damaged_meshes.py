@@ -1,6 +1,6 @@
 """Use every control on damaged meshes, without a crash, a hang or NaN.
 
-DFD_DAMAGED is the number of damaged meshes, by default 12. With DFD_MESHES, the meshes in this folder are also used,
+DFD_DAMAGED is the number of damaged meshes, by default 6. With DFD_MESHES, the meshes in this folder are also used,
 damaged and undamaged.
 """
 
@@ -20,7 +20,7 @@ from made_field import field_of
 import dfd
 from dfd.geometry.simplify import simplify
 
-COUNT = int(os.environ.get("DFD_DAMAGED", "12"))
+COUNT = int(os.environ.get("DFD_DAMAGED", "6"))
 FOLDER = os.environ.get("DFD_MESHES")
 FILES = sorted(path for path in Path(FOLDER).rglob("*") if path.suffix in (".obj", ".glb")) if FOLDER else []
 SHAPES = ["chair", "quadruped", "robot", *FILES]
