@@ -34,7 +34,6 @@ def public() -> Iterator[tuple[str, Any]]:
 
 
 PUBLIC = dict(public())
-REFERENCE = (ROOT / "docs" / "reference" / "python.md").read_text("utf-8")
 
 
 def sections(value: Any) -> dict[str, str]:
@@ -68,39 +67,6 @@ def test_the_reference_lists_the_parameters_of_the_signature(name: str) -> None:
 
 def test_the_reference_lists_all_motions_and_controls_of_a_handle() -> None:
     assert {*CONTROLS, *MOTIONS} <= set(entries(sections(PUBLIC["Deformer.add"])["Parameters"]))
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_a_short_docstring_names_every_parameter(name: str) -> None:
-    value = PUBLIC[name]
-    if inspect.isclass(value) or "Parameters" in sections(value) or not value.__doc__:
-        return
-    parameters = inspect.signature(value).parameters.values()
-    names = {each.name for each in parameters if each.kind is not each.VAR_KEYWORD}
-    names -= SELF | {"merge"}  # `merge` is explained at `Deformer`
-    missing = {each for each in names if not re.search(rf"\b{each}\b", value.__doc__)}
-    assert not missing or re.search(r"; see |as in |are those of|through ", value.__doc__), missing
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_the_reference_names_types_as_the_code_does(name: str) -> None:
-    """Sphinx shows an alias such as ArrayLike by its name only if annotations are not evaluated."""
-    signature = inspect.signature(PUBLIC[name])
-    assert "_NestedSequence" not in str(signature)
-    written = re.search(rf":: {name}\((.*)\)$", REFERENCE, re.MULTILINE)
-    assert (written is not None) == bool(re.search(r"= <|Annotated", str(signature)))  # Sphinx cannot show these well
-    if written is not None:
-        assert [each.partition("=")[0] for each in written[1].split(", ")] == list(signature.parameters)
-
-
-@pytest.mark.parametrize("name", [name for name, value in PUBLIC.items() if inspect.isclass(value)])
-def test_the_reference_describes_the_parameters_of_every_class(name: str) -> None:
-    value = PUBLIC[name]
-    attributes = set(re.findall(r"^    (\w+): .*  #: |#: .*\n    (\w+): ", inspect.getsource(value), re.MULTILINE))
-    described = {each for pair in attributes for each in pair}
-    names = set(inspect.signature(value).parameters) - described
-    missing = {each for each in names if not re.search(rf"\b{each}\b", value.__doc__ or "")}
-    assert not missing or "parameters are those of" in (value.__doc__ or ""), missing
 
 
 def docstrings() -> Iterator[tuple[str, str]]:

@@ -48,12 +48,6 @@ def true(places: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def noise(seed: int) -> Function:
-    """Return a function whose rows are random and unrelated, however near two positions are."""
-    mixed = np.random.default_rng(seed).normal(size=(3, 16)) * 1e4
-    return lambda places: np.modf(np.sin(places @ mixed + 1.7) * 43_758.5)[0]
-
-
 def smooth(seed: int, spread: float = 3.0) -> Function:
     """Return a random smooth function (Rahimi and Recht 2007): near positions have similar rows."""
     random = np.random.default_rng(seed)

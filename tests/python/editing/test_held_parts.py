@@ -225,14 +225,6 @@ def test_bending_towards_the_axis_raises_an_error(one):
     assert one.vertices[-1, 2] > 0.2
 
 
-def test_files_store_bends(one, tmp_path):
-    one.add(52 * AROUND, bend=50, towards="back", twist=15, joint=0.4, scale=1.2)
-    one.save(tmp_path / "edit.json")
-    again = dfd.Deformer.load(tmp_path / "edit.json", one.mesh, one.field, features=one.features)
-    assert again.edit == one.edit
-    np.testing.assert_array_equal(again.vertices, one.vertices)
-
-
 def test_opening_a_part_rotates_it_about_its_hinge(one):
     handle = one.add(30 * AROUND)
     one.open(handle, 20)

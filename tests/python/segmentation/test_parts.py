@@ -232,40 +232,6 @@ def test_a_handle_anywhere_on_an_ear_holds_the_ears_and_not_the_head():
     assert max(parts.part(int(vertex)).share for vertex in ears) < 0.03
 
 
-def _knight(tmp_path) -> dfd.Mesh:
-    """Return a mesh of four objects: a body, its eyes, and the plate and the boss of a shield."""
-    moved = trimesh.transformations.translation_matrix
-    body = trimesh.creation.icosphere(subdivisions=4).apply_scale((1, 1.5, 1))
-    eyes = [trimesh.creation.icosphere(3, 0.05).apply_transform(moved((x, 1.0, 0.74))) for x in (-0.25, 0.25)]
-    plate, boss = trimesh.creation.cylinder(0.5, 0.1, sections=60), trimesh.creation.icosphere(4, 0.15)
-    plate = plate.subdivide().subdivide().subdivide().apply_transform(moved((0.5, -0.2, 1.0)))
-    steel, gold = (trimesh.visual.material.PBRMaterial(name=name) for name in ("steel", "gold"))
-    scene = trimesh.Scene()
-    scene.add_geometry(body, node_name="body", geom_name="body")
-    scene.add_geometry(trimesh.util.concatenate(eyes), node_name="eyes", geom_name="eyes")
-    for name, mesh, material in (
-        ("plate", plate, steel),
-        ("boss", boss.apply_transform(moved((0.5, -0.2, 1.13))), gold),
-    ):
-        mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=material)
-        scene.add_geometry(mesh, node_name=name, geom_name=name)
-    scene.export(tmp_path / "knight.glb")
-    return dfd.load(tmp_path / "knight.glb")
-
-
-def test_things_of_the_file_are_the_part_or_one_level_away(tmp_path):
-    mesh = _knight(tmp_path)
-    plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0)
-    parts = Parts(mesh, lambda vertices: mesh.vertices[vertices].astype(np.float32), lambda: [plane])
-    for name in ("eyes", "plate", "boss"):
-        own = mesh.part_vertices(name)
-        for vertex in own[:: max(len(own) // 8, 1)].tolist():
-            lowest, highest = parts.levels(vertex)
-            near = range(max(lowest, -1), min(highest, 1) + 1)
-            found = [parts.part(vertex, level, follow="all" if name == "eyes" else "none").vertices for level in near]
-            assert any(np.array_equal(each, own) for each in found), (name, vertex)
-
-
 def test_parts_are_pickled(chair):
     field = dfd.VertexField(chair.mesh, noisy(chair))
     own = dfd.parts(chair.mesh, field)
