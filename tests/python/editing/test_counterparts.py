@@ -1,4 +1,4 @@
-"""Test how counterparts are found, their frames, and their shares of the weights."""
+"""Test how counterparts are found, and their frames; `test_recorded_gestures` has the usual ones."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Test the components of a held part: their borders, depths, radii, and their shares where they touch."""
+"""Test the bands of a held part, and unusual borders; `test_recorded_gestures` has the usual ones."""
 
 import numpy as np
 import pytest
