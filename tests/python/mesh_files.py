@@ -134,7 +134,6 @@ def scene_of_three(tmp_path: Path) -> Path:
 def look_of(source: Path | Mesh) -> Appearance:
     """Return the appearance of a mesh or a file; AssertionError if it has none."""
     mesh = source if isinstance(source, Mesh) else load(source)
-    assert mesh.appearance is not None
     return mesh.appearance
 
 
@@ -160,3 +159,9 @@ def view_bytes(path: Path, view: int) -> bytes:
 def bent(vertices: np.ndarray) -> np.ndarray:
     """Return vertices moved by a smooth function of their positions."""
     return vertices + 0.3 * np.stack([np.sin(vertices[:, 1]), vertices[:, 2] ** 2, np.cos(vertices[:, 0])], axis=1)
+
+
+def normals_of(path: Path) -> list[np.ndarray]:
+    """Return the normals in a file, in the axes of its scene, one array for each primitive that has normals."""
+    primitives = load(path).scene.primitives
+    return [np.asarray(each.normals_to_scene(each.normals)) for each in primitives if each.normals is not None]

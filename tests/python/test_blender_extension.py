@@ -20,8 +20,6 @@ FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
 
 def part(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"blender_{name}", FOLDER / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

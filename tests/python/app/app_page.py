@@ -75,13 +75,11 @@ class Page:
         with suppress(ConnectionClosed):
             while True:
                 self.hear()
-        assert self._socket is not None
         assert self._socket.close_code is not None
         return self._socket.close_code
 
     def write(self, text: str | bytes) -> None:
         """Send `text` unchanged."""
-        assert self._socket is not None
         self._socket.send(text)
 
     def say(self, type: str, **fields: Any) -> int:  # noqa: A002
@@ -113,7 +111,6 @@ class Page:
 
     def hear(self, patience: float = PATIENCE) -> dict[str, Any]:
         """Receive and return the next message."""
-        assert self._socket is not None
         data = self._socket.recv(timeout=patience)
         if isinstance(data, str):
             message = json.loads(data)

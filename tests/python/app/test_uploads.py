@@ -41,19 +41,15 @@ def test_an_obj_finds_its_materials(tmp_path: Path, packed: bool) -> None:
     if packed:
         content = {"tri.zip": zipped({**content, "__MACOSX/a/._tri.obj": b"junk", "./": b""})}
     upload = receive(named(content), tmp_path, 10_000)
-    assert upload.mesh is not None
     assert upload.mesh.name == "tri.obj"
     assert "tri" not in upload.mesh.path.name
     looks = dfd.load(upload.mesh.path).appearance
-    assert looks is not None
     assert looks.materials[0].color == (1.0, 0.0, 0.0, 1.0)
     assert (upload.mesh.path.parent / "tex" / "wood.png").read_bytes() == b"x"
 
 
 def test_mesh_field_and_edit_together(tmp_path: Path) -> None:
     upload = receive(named({"m.stl": b"m", "f.safetensors": b"f", "e.json": b"{}"}), tmp_path, 100)
-    assert upload.field is not None
-    assert upload.edit is not None
     assert upload.field.path.read_bytes() == b"f"
     assert receive(named({"F.SAFETENSORS": b"f"}), tmp_path, 100).mesh is None
     several = receive(named({"m.stl": b"m", "a.json": b"{}", "b.json": b"{}"}), tmp_path, 100)
@@ -70,7 +66,6 @@ def test_a_name_leads_nowhere(tmp_path: Path, name: str, packed: bool) -> None:
     inside = tmp_path / "session"
     content = {f"{name}.obj": OBJ, f"{name}.png": b"evil"}
     upload = receive(named({"a.zip": zipped(content)} if packed else content), inside, 10_000)
-    assert upload.mesh is not None
     assert upload.mesh.path.resolve().is_relative_to(inside)
     assert everything_in(tmp_path) == [upload.mesh.path.name]
 
@@ -79,7 +74,6 @@ def test_an_uploaded_obj_reads_nothing_outside_its_folder(tmp_path: Path) -> Non
     (tmp_path / "secret.mtl").write_bytes(MTL)
     obj = OBJ.replace(b"looks.mtl", b"../../secret.mtl")
     upload = receive(named({"tri.obj": obj}), tmp_path / "session", 1000)
-    assert upload.mesh is not None
     assert (upload.mesh.path.parent / "../../secret.mtl").is_file()
     with pytest.warns(UserWarning, match="could not be read"):
         assert dfd.load(upload.mesh.path).appearance is None
@@ -144,7 +138,6 @@ RED_MESHES = {
 def test_textures_are_found_by_path_or_else_by_name(name: str, packed: bool, tmp_path: Path) -> None:
     content = RED_MESHES[name]
     upload = receive(named({"a.zip": zipped(content)} if packed else content), tmp_path, 100_000)
-    assert upload.mesh is not None
     mesh, warnings = read_shape(upload.mesh)
     assert warnings == []
     assert np.allclose(mesh.vertex_colors(), (1, 0, 0, 1))
@@ -156,7 +149,6 @@ def test_textures_are_found_by_path_or_else_by_name(name: str, packed: bool, tmp
 def test_a_stored_upload_finds_its_textures_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DFD_DATA", str(tmp_path))
     upload = receive(named(RED_MESHES["a folder above"]), tmp_path / "edits" / "key", 100_000)
-    assert upload.mesh is not None
     assert upload_folder(upload.mesh.path) == upload.folder
     stored = OpenedFile("m.obj", upload.mesh.path, upload_folder(upload.mesh.path))
     assert np.allclose(read_shape(stored)[0].vertex_colors(), (1, 0, 0, 1))

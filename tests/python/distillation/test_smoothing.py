@@ -112,8 +112,6 @@ def test_targets_have_components_if_there_are_several() -> None:
     gap = 0.4
     views = views_of(two_sheets(gap))
     targets = smooth(views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0)
-    assert targets.component is not None
-    assert targets.boxes is not None
     np.testing.assert_array_equal(targets.component, targets.points[:, 1] > 0)
     np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
     box = trimesh.creation.box((1, 1, 1))

@@ -2,21 +2,13 @@
 
 import numpy as np
 import pytest
-from made_field import field_of
+from made_field import field_of, looks
 
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.report import largest_stretch
 from dfd.editing.weights.fill import band_of, weights_at
 from dfd.editing.weights.held_part import hold
-
-
-def looks(sample):
-    """Return features that tell the parts of a sample apart, with noise."""
-    random = np.random.default_rng(0)
-    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
-    rows += 0.1 * random.normal(size=rows.shape)
-    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
 
 
 @pytest.fixture(scope="module")

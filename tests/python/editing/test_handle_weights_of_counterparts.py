@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_field import field_of
+from made_field import field_of, looks
 
 import dfd
 from dfd.editing.weights import held_part, session_weights
@@ -52,10 +52,7 @@ def asked(sample, mesh, monkeypatch):
 @pytest.fixture
 def field_of_quadruped():
     sample = dfd.samples.quadruped(4000)
-    random = np.random.default_rng(0)
-    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
-    rows += 0.1 * random.normal(size=rows.shape)
-    return sample, field_of(sample.mesh), (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+    return sample, field_of(sample.mesh), looks(sample)
 
 
 @pytest.fixture

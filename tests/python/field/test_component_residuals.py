@@ -51,7 +51,6 @@ def test_overlapping_components_have_different_features() -> None:
     assert (features * wanted).sum(axis=1).min() > 0.95
     # A component with n points has n / (n + 10) of what the network misses.
     count = np.bincount(wanted.argmax(axis=1))[wanted.argmax(axis=1), None]
-    assert field.residuals is not None
     np.testing.assert_allclose(field.residuals.differences, (wanted - network) * count / (count + 10), atol=1e-3)
     assert (network * wanted).sum(axis=1).max() < 0.9  # the network alone does not separate the tubes
     assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()

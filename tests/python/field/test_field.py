@@ -35,7 +35,6 @@ def test_array_and_tensor_agree_and_only_tensors_carry_gradients(field: Field) -
     features = field(tensor)
     np.testing.assert_allclose(features.detach().numpy(), field(points()), atol=1e-6)
     features[:, 0].sum().backward()
-    assert tensor.grad is not None
     assert tensor.grad.abs().sum() > 0
 
 

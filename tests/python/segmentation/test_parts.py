@@ -6,23 +6,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import trimesh
-from made_field import field_of
+from made_field import field_of, looks
 
 import dfd
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.patches import Patches
 
 
-def noisy(sample, seed=0):
-    """Return features (V, 16) of a sample: one random vector for each part, plus noise a fifth as large."""
-    random = np.random.default_rng(seed)
-    directions = random.normal(size=(len(sample.parts), 16))
-    rows = directions[sample.labels] + 0.2 * random.normal(size=(len(sample.labels), 16))
-    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
-
-
 def parts_of(sample):
-    rows = noisy(sample)
+    rows = looks(sample, 0.2)
     return Parts(sample.mesh, lambda vertices: rows[vertices])
 
 
@@ -105,7 +97,7 @@ def test_a_fine_mesh_has_the_same_parts():
 
 @pytest.mark.parametrize(("difference", "components"), [(0.2, 4), (8.0, 2)])
 def test_hind_legs_follow_front_legs_unless_they_look_different(chair, difference, components):
-    rows = noisy(chair)
+    rows = looks(chair, 0.2)
     back = np.concatenate([chair.vertices_of("leg", 2), chair.vertices_of("leg", 3)])
     rows[back] += np.float32(difference) * np.random.default_rng(5).normal(size=16).astype(np.float32) / 4
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
@@ -233,7 +225,7 @@ def test_a_handle_anywhere_on_an_ear_holds_the_ears_and_not_the_head():
 
 
 def test_parts_are_pickled(chair):
-    field = dfd.VertexField(chair.mesh, noisy(chair))
+    field = dfd.VertexField(chair.mesh, looks(chair, 0.2))
     own = dfd.parts(chair.mesh, field)
     again = pickle.loads(pickle.dumps(own))
     np.testing.assert_array_equal(again.part(0).mask, own.part(0).mask)

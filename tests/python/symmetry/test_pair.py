@@ -15,9 +15,7 @@ from dfd.symmetry.plane import SymmetryPlane
 
 
 def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> SurfaceSamples:
-    found = samples_of(vertices, mesh.faces)
-    assert found is not None
-    return found
+    return samples_of(vertices, mesh.faces)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +27,6 @@ def pair() -> tuple[SurfaceSamples, SurfaceSamples]:
 
 def error(found: np.ndarray | None, one: SurfaceSamples) -> float:
     """Return the largest distance between the image of a component and its true mirror image, in its sizes."""
-    assert found is not None
     images = one.points @ found[:, :3].T + found[:, 3]
     return float(np.linalg.norm(images - plane_of().reflect(one.points), axis=1).max()) / one.size
 
@@ -77,7 +74,6 @@ def test_ends_that_differ_do_not_move_the_plane(pair):
     images = plane_of().reflect(mesh.vertices)
     cut = mesh.faces[(mesh.vertices[mesh.faces].max(axis=1) < (0.93, 9, 9)).all(axis=1)]
     other = samples_of(images, cut)
-    assert other is not None
     assert error(mirror_image(pair[0], other, [plane_of(0, 0.9)]), pair[0]) < 0.06
 
 
@@ -100,7 +96,6 @@ def test_the_plane_between_two_components_does_not_depend_on_the_unit(unit):
     mesh, plane = hook(), plane_of()
     one, other = (sampled(mesh, unit * points) for points in (mesh.vertices, plane.reflect(mesh.vertices)))
     found = mirror_image(one, other, None)
-    assert found is not None
     np.testing.assert_allclose(found[:, :3], plane.reflection[:3, :3], atol=0.01)
     np.testing.assert_allclose(found[:, 3] / unit, plane.reflection[:3, 3], atol=0.01)
 

@@ -43,7 +43,6 @@ def obj_with_normals(without: int) -> str:
 def corners_and_sides(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return the normals (F, 3, 3) of face corners of the only primitive, NaN if missing, and those of the faces."""
     mesh = load(path)
-    assert mesh.scene is not None
     (each,) = mesh.scene.primitives
     normals = np.full(each.vertices.shape, np.nan) if each.normals is None else each.normals
     a, b, c = (each.vertices[each.geometry.faces[:, corner]] for corner in range(3))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, Gltf, write
+from mesh_files import CORNERS, CUBE, Gltf, normals_of, write
 from scipy.spatial.transform import Rotation
 
 from dfd.mesh.file.shading import UNSAID, corner_normals
@@ -26,10 +26,8 @@ def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
 def least_cosine(path: Path) -> float:
     """Return the smallest cosine between the normal of a face corner and the normal of its face."""
     scene = load(path).scene
-    assert scene is not None
     found = []
     for each in scene.primitives:
-        assert each.normals is not None
         faces = each.geometry.faces
         a, b, c = (each.vertices[faces[:, corner]] for corner in range(3))
         up = np.cross(b - a, c - a)
@@ -60,7 +58,6 @@ def test_a_mesh_from_memory_keeps_its_vertices(source: str, tmp_path: Path) -> N
     mesh = Mesh(CORNERS, CUBE) if source == "arrays" else load(trimesh.Trimesh(CORNERS, CUBE, process=False))
     mesh.save(tmp_path / "a.glb")
     scene = load(tmp_path / "a.glb").scene
-    assert scene is not None
     assert np.array_equal(scene.primitives[0].vertices, CORNERS)
 
 
@@ -98,7 +95,6 @@ def test_a_smooth_shape_keeps_its_vertices(tmp_path: Path) -> None:
     write(tmp_path / "a.obj", obj(vertices, faces))
     load(tmp_path / "a.obj").save(tmp_path / "a.glb")
     scene = load(tmp_path / "a.glb").scene
-    assert scene is not None
     assert len(scene.primitives[0].vertices) == len(vertices)
 
 
@@ -118,12 +114,6 @@ SQUARE = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)], float)
 
 
 FRONT = np.array([(0, 1, 2), (0, 2, 3)])
-
-
-def normals_of(path: Path) -> list[np.ndarray]:
-    scene = load(path).scene
-    assert scene is not None
-    return [np.asarray(each.normals_to_scene(each.normals)) for each in scene.primitives if each.normals is not None]
 
 
 def card(folder: Path, ending: str) -> Path:
@@ -146,9 +136,7 @@ def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_p
         mesh = load(card(tmp_path, source))
     mesh.save(tmp_path / "out.glb")
     scene = load(tmp_path / "out.glb").scene
-    assert scene is not None
     (each,) = scene.primitives
-    assert each.normals is not None
     own = each.geometry.faces
     for normals, corners in zip(each.normals[own], each.vertices[own], strict=True):
         across = np.cross(corners[1] - corners[0], corners[2] - corners[0])

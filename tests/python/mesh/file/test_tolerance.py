@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, bent, checkered, look_of, obj_cube, same_shape, write
+from mesh_files import CORNERS, CUBE, bent, checkered, look_of, normals_of, obj_cube, same_shape, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -82,11 +82,9 @@ def test_a_face_of_two_corners_is_left_out_and_said(ending: str, tmp_path: Path)
 def test_colors_of_the_vertices_of_an_off_file(kind: str, columns: str, tmp_path: Path) -> None:
     mesh = reads(tmp_path / "a.off", "\n".join([kind, "3 1 0", *(f"{row} {columns}" for row in TRIANGLE), "3 0 1 2"]))
     assert np.allclose(mesh.vertex_colors(), RED)
-    assert mesh.scene is not None
     geometry = mesh.scene.primitives[0].geometry
     assert (geometry.normals is not None) == ("N" in kind)
     if "ST" in kind:
-        assert geometry.uv is not None
         assert geometry.uv.tolist() == [[0.25, 0.75]] * 3
 
 
@@ -229,7 +227,6 @@ def test_a_wrong_row_of_a_ply_file_is_named(text: str, message: str, tmp_path: P
 def test_properties_without_their_partners_stay_attributes(tmp_path: Path) -> None:
     text = ply(["float nx", "float ny", "uchar red", "float s"], [f"{row} 1 0 7 0.5" for row in TRIANGLE])
     scene = reads(tmp_path / "a.ply", text).scene
-    assert scene is not None
     assert set(scene.primitives[0].geometry.attributes) == {"nx", "ny", "red", "s"}
 
 
@@ -287,12 +284,6 @@ def test_faces_of_an_stl_file_without_a_color_are_said(tmp_path: Path) -> None:
 
 
 MSVC = ["nan", "-nan(ind)", "1.#INF00"]
-
-
-def normals_of(path: Path) -> list[np.ndarray]:
-    scene = load(path).scene
-    assert scene is not None
-    return [np.asarray(each.normals_to_scene(each.normals)) for each in scene.primitives if each.normals is not None]
 
 
 def stl_text(normal: str = "0 0 1", end: str = "endsolid", name: str = "left") -> str:

@@ -151,7 +151,6 @@ def test_lines_and_points_follow_the_surface_when_saved(first: bool, tmp_path: P
     moved = bent(mesh.vertices)
     mesh.save(tmp_path / "moved.glb", moved)
     scene = load(tmp_path / "moved.glb").scene
-    assert scene is not None
     shared, own = (each.vertices for each in scene.strands)
     assert np.allclose(shared, moved, atol=1e-6)
     assert np.allclose(own, moved + 0.01, atol=1e-6)

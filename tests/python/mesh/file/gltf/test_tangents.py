@@ -41,7 +41,6 @@ def tangents(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     data = GltfData(path.read_bytes(), AssetFolder(path))
     primitive = data.header["meshes"][0]["primitives"][0]
     own = data.attribute(primitive, "TANGENT")
-    assert own is not None
     targets = primitive.get("targets")
     return own, data.accessor(targets[0]["TANGENT"]) if targets else None
 
@@ -53,13 +52,11 @@ def test_tangents_turn_with_the_surface_and_so_do_those_of_morph_targets(
 ) -> None:
     mesh = load(square(tmp_path, normals=normals, **NODES[node]))
     scene = mesh.scene
-    assert scene is not None
     turn = Rotation.from_rotvec([0, 0, np.pi / 2]) * Rotation.from_rotvec([0.4, 0, 0])
     mesh.save(tmp_path / "b.glb", turn.apply(mesh.vertices.copy()))
     own, moved = tangents(tmp_path / "b.glb")
     linear = scene.primitives[0].transform[:3, :3]
     for found, before in ((own[:, :3], (1.0, 0, 0)), (moved, (0, 0.25, 0))):
-        assert found is not None
         expected = turn.apply(linear @ before)
         for each in (linear @ found.T).T:
             assert np.allclose(each / np.linalg.norm(each), expected / np.linalg.norm(expected), atol=1e-6)
@@ -102,7 +99,6 @@ def labelled(kind: str, labels: list[str], folder: Path, name: str = "label") ->
 
 def attribute_of(path: Path, name: str) -> list[float]:
     scene = load(path).scene
-    assert scene is not None
     return scene.primitives[0].geometry.attributes[name].tolist()
 
 
