@@ -12,25 +12,25 @@ CHECKS = {name.split(".")[0] + Path(name).suffix: check for name, (_, check) in 
 
 
 @pytest.mark.parametrize("kept", sorted(CORPUS.iterdir()), ids=lambda path: path.name)
-def test_what_once_failed_holds(kept: Path, tmp_path: Path) -> None:
+def test_what_once_failed_holds(kept, tmp_path):
     path = tmp_path / f"input{kept.suffix}"
     shutil.copy(kept, path)
     run(CHECKS[kept.name.split("-")[0] + kept.suffix], path)
 
 
 @pytest.mark.parametrize("kept", ["edit-surrogate.json", "edit-far.json", "edit-locality.json", "mesh-cut-off.off"])
-def test_these_are_refused(kept: str) -> None:
+def test_these_are_refused(kept):
     check = CHECKS[kept.split("-")[0] + Path(kept).suffix]
     with pytest.raises(ValueError, match=r"document|position|locality|faces|cut|lines|load") as refusal:
         check(CORPUS / kept)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_broken_promise_fails(tmp_path: Path) -> None:
-    def two_lines(_: Path) -> None:
+def test_a_broken_promise_fails(tmp_path):
+    def two_lines(_):
         raise ValueError("one\ntwo")
 
-    def surprised(_: Path) -> None:
+    def surprised(_):
         raise KeyError("x")
 
     with pytest.raises(AssertionError, match="no message for people"):

@@ -7,7 +7,6 @@ damaged and undamaged.
 import faulthandler
 import os
 import warnings
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -29,7 +28,7 @@ LONGEST = 600  # seconds after which a test counts as a hang
 
 
 @pytest.fixture(autouse=True)
-def _no_hang() -> Iterator[None]:
+def _no_hang():
     """Print the stack and stop the process after a hang; ignore warnings for users."""
     faulthandler.dump_traceback_later(LONGEST, exit=True)
     with warnings.catch_warnings():
@@ -39,14 +38,14 @@ def _no_hang() -> Iterator[None]:
 
 
 @cache
-def shape(number: int) -> dfd.Mesh:
+def shape(number):
     """Return a sample, or a mesh in DFD_MESHES, with few faces."""
     source = SHAPES[number % len(SHAPES)]
     mesh = dfd.load(source) if isinstance(source, Path) else getattr(dfd.samples, source)(4000).mesh
     return simplify(mesh, MOST_FACES)
 
 
-def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
+def rippled(mesh, seed):
     """Return a field with random weights; its features vary more over the surface for larger `seed % 4`."""
     return field_of(mesh, seed, octaves=seed % 4)
 
@@ -54,7 +53,7 @@ def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
 @pytest.mark.parametrize(
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(COUNT) if seed != 1)]
 )
-def test_damaged_meshes_go_through_every_control(seed: int) -> None:
+def test_damaged_meshes_go_through_every_control(seed):
     mesh, _ = damaged(shape(seed), seed)
     use_every_control(mesh, rippled(mesh, seed), seed)
 
@@ -62,12 +61,12 @@ def test_damaged_meshes_go_through_every_control(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
-def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
+def test_meshes_of_the_world_go_through_every_control(path):
     mesh = dfd.load(path)
     use_every_control(mesh, rippled(mesh, 3), 4)
 
 
-def test_a_damaged_mesh_is_distilled(tiny_encoder: Path) -> None:
+def test_a_damaged_mesh_is_distilled(tiny_encoder):
     mesh, _ = damaged(shape(1), 101)
     field = dfd.distill(mesh, tiny_encoder, views=8, resolution=32, steps=5, batch=64, progress=False, cache=False)
     features = field.features(mesh)

@@ -4,9 +4,7 @@ import ast
 import doctest
 import inspect
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -21,7 +19,7 @@ KEYWORDS = {"matrix", *CONTROLS, *MOTIONS, *DistillSettings.model_fields}  # `**
 SELF = {"self", "cls"}
 
 
-def public() -> Iterator[tuple[str, Any]]:
+def public():
     """Return every public function and class with its name, and the public methods of the classes."""
     samples = {f"samples.{name}": getattr(dfd.samples, name) for name in ("Sample", "chair", "quadruped", "robot")}
     named = {name: getattr(dfd, name) for name in dfd.__all__ if name != "samples"} | samples
@@ -36,18 +34,18 @@ def public() -> Iterator[tuple[str, Any]]:
 PUBLIC = dict(public())
 
 
-def sections(value: Any) -> dict[str, str]:
+def sections(value):
     text = inspect.cleandoc(value.__doc__ or "")
     parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
-def entries(text: str) -> list[str]:
+def entries(text):
     return [name for line in re.findall(r"^\S.*$", text, re.MULTILINE) for name in line.split(", ")]
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_the_reference_lists_the_parameters_of_the_signature(name: str) -> None:
+def test_the_reference_lists_the_parameters_of_the_signature(name):
     value = PUBLIC[name]
     found = sections(value)
     assert found.keys() <= KNOWN
@@ -65,11 +63,11 @@ def test_the_reference_lists_the_parameters_of_the_signature(name: str) -> None:
     assert own <= listed
 
 
-def test_the_reference_lists_all_motions_and_controls_of_a_handle() -> None:
+def test_the_reference_lists_all_motions_and_controls_of_a_handle():
     assert {*CONTROLS, *MOTIONS} <= set(entries(sections(PUBLIC["Deformer.add"])["Parameters"]))
 
 
-def docstrings() -> Iterator[tuple[str, str]]:
+def docstrings():
     """Yield the docstrings of all modules, classes and functions of the package, with their names."""
     for path in sorted((ROOT / "python" / "dfd").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -83,9 +81,7 @@ EXAMPLES = {name: text for name, text in DOCSTRINGS if ">>> " in text}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_in_docstrings_run_in_an_empty_folder(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_examples_in_docstrings_run_in_an_empty_folder(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, None, None)
     assert example.examples

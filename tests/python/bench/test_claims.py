@@ -1,6 +1,5 @@
 """Judge the paper's claims on a small table: with random features they do not hold, with true features they do."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +15,7 @@ from bench.paper.figures import FIGURES
 from bench.paper.page import Row
 from bench.paper.resolution import FACES, FORWARD, KEPT, LUCY, PHASES, of_count
 from bench.paper.subjects import NAMES
-from bench.peers.peer import Done, Job
+from bench.peers.peer import Done
 
 OURS = NAMES["paper"]
 TIMED = ("fig10", "fig18", "table1", "table3")  # pages of running times, which features do not change
@@ -24,7 +23,7 @@ BY_FEATURES = [name for name in FIGURES if name not in TIMED]
 BOTH = tuple(NAMES.values())
 
 
-def local(mesh: Any, job: Job, size: float = 1.0) -> Any:
+def local(mesh, job, size=1.0):
     """Return the vertices that a method moves only near the handle, on one side of the shape, with noise."""
     vertex = job.held[np.linalg.norm(job.targets - mesh.vertices[job.held], axis=1).argmax()]
     near = np.exp(-((np.linalg.norm(mesh.vertices - mesh.vertices[vertex], axis=1) / 0.15) ** 2))
@@ -33,11 +32,11 @@ def local(mesh: Any, job: Job, size: float = 1.0) -> Any:
 
 
 @pytest.fixture
-def peers(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def peers(monkeypatch):
     """Replace the other methods by those of `given["kind"]`, and all shapes by the table."""
     given: dict[str, Any] = {"kind": "local"}
 
-    def run(peer: Any, mesh: Any, jobs: Sequence[Job], **_: Any) -> list[Done]:
+    def run(peer, mesh, jobs, **_):
         found = [local(mesh, job) for job in jobs]
         if given["kind"] == "rigid":  # nothing is distorted
             found = [mesh.vertices + (0.0, -0.05, 0.0) for _ in jobs]
@@ -69,7 +68,7 @@ def peers(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return given
 
 
-def rows_of(name: str, context: MadeContext) -> Sequence[Row]:
+def rows_of(name, context):
     figure = FIGURES[name]
     if name == "fig15":
         variants = {WITH_BALL: (same, 0.2), WITHOUT_BALL: (same, 0.0)}
@@ -77,7 +76,7 @@ def rows_of(name: str, context: MadeContext) -> Sequence[Row]:
     return figure.make(context).rows
 
 
-def verdicts(name: str, rows: Sequence[Row], methods: Sequence[str] = BOTH) -> dict[tuple[str, str], str]:
+def verdicts(name, rows, methods=BOTH):
     judged = {
         (claim.measured, own): claim.judged(rows, own)[1]
         for claim in FIGURES[name].claims
@@ -88,7 +87,7 @@ def verdicts(name: str, rows: Sequence[Row], methods: Sequence[str] = BOTH) -> d
     return judged
 
 
-def best_peers(name: str) -> str:
+def best_peers(name):
     return {"fig22": "rigid", "fig15": "needs many"}.get(name, "local")
 
 
@@ -115,9 +114,7 @@ def test_claims_hold_for_true_features(name, peers, one_thread):
 # --- pages of running times
 
 
-def timed(
-    ours: float, theirs: float, our_power: float = 0.5, their_power: float = 1.5, faces: Sequence[int] = FACES
-) -> list[Row]:
+def timed(ours, theirs, our_power=0.5, their_power=1.5, faces=FACES):
     """Return rows of fig10: at 10³ faces, a phase takes `ours` or `theirs` seconds, which grow by these powers."""
     rows: list[Row] = []
     for method in (*BOTH, *COMPARED):
@@ -131,11 +128,11 @@ def timed(
     return rows
 
 
-def words(name: str, rows: Sequence[Row]) -> set[str]:
+def words(name, rows):
     return set(verdicts(name, rows).values())
 
 
-def test_timings_hold_only_if_ours_grow_less() -> None:
+def test_timings_hold_only_if_ours_grow_less():
     assert words("fig10", timed(0.1, 0.2)) == {"yes"}
     few = verdicts("fig10", timed(0.1, 0.2, faces=FACES[:3]))
     assert few["most faces with biharmonic", OURS] == "not decided"
@@ -147,8 +144,8 @@ def test_timings_hold_only_if_ours_grow_less() -> None:
     assert words("fig10", linear) == {"no"}
 
 
-def test_a_time_on_small_meshes_does_not_decide_the_claim_for_a_large_scan() -> None:
-    def rows(faces: int, seconds: Sequence[float]) -> list[Row]:
+def test_a_time_on_small_meshes_does_not_decide_the_claim_for_a_large_scan():
+    def rows(faces, seconds):
         return [
             {"method": method, "faces": n, "T s": t, "R + T s": t + 10}
             for method in BOTH
@@ -160,8 +157,8 @@ def test_a_time_on_small_meshes_does_not_decide_the_claim_for_a_large_scan() -> 
     assert verdicts("fig18", rows(200_000, (1, 1)))["s to distill", OURS] == "not decided"
 
 
-def test_rebinding_is_compared_at_the_most_nodes() -> None:
-    def rows(ours: float, theirs: float) -> list[Row]:
+def test_rebinding_is_compared_at_the_most_nodes():
+    def rows(ours, theirs):
         seconds = {"OptCtrlPoints": {None: theirs}, **{each: dict.fromkeys((FORWARD, KEPT), ours) for each in BOTH}}
         return [
             {
@@ -183,7 +180,7 @@ def test_rebinding_is_compared_at_the_most_nodes() -> None:
     assert words("table3", few + many) == {"yes"}
 
 
-def test_every_tick_counts() -> None:
+def test_every_tick_counts():
     rows = [{"method": method, "as in the paper, %": 100.0} for method in (*BOTH, *COMPARED)]
     assert words("table1", rows) == {"yes"}
     assert words("table1", [*rows, {"method": "ARAP", "as in the paper, %": 75.0}]) == {"no"}
@@ -195,15 +192,15 @@ def test_every_tick_counts() -> None:
 # --- single rules
 
 
-def test_handles_that_make_a_shape_larger_are_not_reasonable() -> None:
+def test_handles_that_make_a_shape_larger_are_not_reasonable():
     [claim] = FIGURES["fig21"].claims
     rows = [{"method": OURS, "size": size, "agreement %": 100.0} for size in (1.0, 1.2)]
     assert claim.judged(rows, OURS) == (1.2, "yes")
     assert claim.judged([*rows, {"method": OURS, "size": 9.0, "note": "too large"}], OURS)[1] == "no"
 
 
-def test_a_method_that_explodes_without_a_ball_degenerates() -> None:
-    def rows(without: float, note: str = "") -> list[Row]:
+def test_a_method_that_explodes_without_a_ball_degenerates():
+    def rows(without, note=""):
         common = {"agreement %": 100.0, "edge %": 10.0, "note": ""}
         return [
             {"shape": "table", "method": method, "variant": variant, **common}
@@ -216,15 +213,15 @@ def test_a_method_that_explodes_without_a_ball_degenerates() -> None:
     assert words("fig15", rows(9.0)) == {"no"}
 
 
-def test_blocks_of_one_encoder_do_not_decide_a_claim_about_encoders() -> None:
+def test_blocks_of_one_encoder_do_not_decide_a_claim_about_encoders():
     rows = [{"method": OURS, "encoder": "a", "angle °": 1.0, "correlation": 0.9, "agreement %": 100.0}] * 2
     for name in ("fig11", "fig12"):
         assert words(name, rows) == {"not decided"}
         assert words(name, [rows[0], {**rows[1], "encoder": "b"}]) == {"yes"}
 
 
-def test_distortions_need_six_shapes() -> None:
-    def rows(count: int, peer: float) -> list[Row]:
+def test_distortions_need_six_shapes():
+    def rows(count, peer):
         values = {**dict.fromkeys(BOTH, 2.0), **dict.fromkeys(COMPARED, peer)}
         return [
             {"shape": str(n), "method": method, "variant": variant, **dict.fromkeys(figures.METRICS, value)}
@@ -244,7 +241,7 @@ def test_distortions_need_six_shapes() -> None:
     assert sorted(verdicts("fig22", missing, [OURS]).values()) == ["not decided", "yes"]
 
 
-def test_large_meshes_are_posed_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_meshes_are_posed_in_blocks(monkeypatch):
     mesh, by = table(), np.array([0.0, -0.2, 0.0])
     field = MadeField(true, mesh)
     monkeypatch.setattr(resolution, "AT_ONCE", 100)

@@ -11,14 +11,14 @@ BOX = Mesh(CORNERS, CUBE)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_rigid_motion_changes_nothing(size) -> None:
+def test_rigid_motion_changes_nothing(size):
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0], [0.48, 0.64, 0.6]])
     mesh = Mesh(size * BOX.vertices, CUBE)
     found = surface_metrics(mesh, mesh.vertices @ turn.T + 3 * size)
     assert max(map(abs, found.values())) < 1e-4
 
 
-def test_a_box_stretched_along_one_axis() -> None:
+def test_a_box_stretched_along_one_axis():
     found = surface_metrics(BOX, BOX.vertices * [2, 1, 1])
     assert found["area %"] == pytest.approx(400 / 6)  # the area of four of six sides doubles
     assert found["volume %"] == pytest.approx(100)
@@ -28,7 +28,7 @@ def test_a_box_stretched_along_one_axis() -> None:
     assert found["flipped faces"] == 0
 
 
-def test_a_face_that_is_folded_over_is_counted() -> None:
+def test_a_face_that_is_folded_over_is_counted():
     grid = np.stack([*np.meshgrid(np.arange(5.0), np.arange(5.0)), np.zeros((5, 5))], axis=-1).reshape(-1, 3)
     quads = [(r * 5 + c, r * 5 + c + 1, r * 5 + c + 6, r * 5 + c + 5) for r in range(4) for c in range(4)]
     mesh = Mesh(grid, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])

@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope="module")
-def ball() -> dfd.Mesh:
+def ball():
     made = trimesh.creation.icosphere(subdivisions=3)
     return dfd.Mesh(made.vertices, made.faces)
 
@@ -44,7 +44,7 @@ def ball() -> dfd.Mesh:
 
 
 @pytest.fixture
-def small(monkeypatch) -> None:
+def small(monkeypatch):
     """Make pictures small, and replace all samples by a coarse shape of two components.
 
     Also replace the other methods and the search for planes, which have separate tests.
@@ -71,7 +71,7 @@ def small(monkeypatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def context(tmp_path_factory) -> Context:
+def context(tmp_path_factory):
     encoder = save_tiny_encoder(tmp_path_factory.mktemp("encoder"))
     return Context(quick=True, encoder=encoder)
 
@@ -93,7 +93,7 @@ def test_every_figure_of_the_paper_has_a_page_or_a_reason():
     assert sorted(names) == sorted([*FIGURES, *CANNOT])
 
 
-def recorded() -> list[list[str]]:
+def recorded():
     """Return the cells of the table of claims in the reference."""
     text = (ROOT / "docs" / "reference" / "paper.md").read_text("utf-8")
     lines = [line for line in text.splitlines() if line.startswith(("| `fig", "| `table")) and line.count(" | ") == 5]
@@ -170,7 +170,7 @@ def test_the_command_says_what_it_cannot_make(name, capsys):
 # --- peers
 
 
-def block(*counts: int) -> Body:
+def block(*counts):
     """Return a block of cubes, `counts` along each axis, with tetrahedra whose boundary is exactly its surface."""
     corners = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
     shape = [count + 1 for count in counts]
@@ -185,7 +185,7 @@ def block(*counts: int) -> Body:
 
 
 @pytest.fixture(scope="module")
-def body() -> Body:
+def body():
     return block(5, 5, 5)
 
 
@@ -275,15 +275,15 @@ def test_a_shape_is_filled_and_every_step_is_timed(ball):
 # --- a method of the user
 
 
-def by_vertices(mesh: dfd.Mesh, handles: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def by_vertices(mesh, handles, targets):
     return mesh.vertices + (targets - mesh.vertices[handles])[0]
 
 
-def by_weights(mesh: dfd.Mesh, handles: np.ndarray) -> np.ndarray:
+def by_weights(mesh, handles):
     return np.stack([np.linspace(0, 1, len(mesh.vertices))] * len(handles), axis=1)
 
 
-def by_nothing(mesh: dfd.Mesh, handles: np.ndarray) -> np.ndarray:
+def by_nothing(mesh, handles):
     return mesh.vertices
 
 
@@ -322,7 +322,7 @@ def test_a_method_is_refused_on_a_page_without_comparison(capsys):
 
 
 def test_a_method_of_the_user_has_a_row_with_all_measures(monkeypatch, small, tmp_path):
-    def pulled(_: Context, case: comparisons.Case, *__: object) -> SimpleNamespace:
+    def pulled(_, case, *__):
         return SimpleNamespace(vertices=case.shape.mesh.vertices)
 
     monkeypatch.setattr(comparisons, "pulled", lambda *given, **_: pulled(*given))

@@ -1,7 +1,6 @@
 """Test the settings of a distillation and their checks."""
 
 import inspect
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -38,30 +37,30 @@ from dfd.distillation.settings import DistillSettings, source_of
         ({"seed": -1}, "`seed` must be a whole number from 0 to 9223372036854775807, got -1"),
     ],
 )
-def test_each_one_is_named_when_it_is_out_of_range(setting: dict[str, Any], message: str) -> None:
+def test_each_one_is_named_when_it_is_out_of_range(setting, message):
     with pytest.raises(ValueError, match=f"^distill: {message}"):
         DistillSettings(**setting)
 
 
-def test_the_ablation_is_never_smoothed() -> None:
+def test_the_ablation_is_never_smoothed():
     ablation = DistillSettings(supervision="vertex", smoothing=0.5)
     assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
 
 
-def test_settings_that_the_paper_does_not_state_have_another_source() -> None:
+def test_settings_that_the_paper_does_not_state_have_another_source():
     stated = {"views", "resolution", "simplify_to", "supervision", "mirrored", "smoothing", "metric", "pieces"}
     found = {name for name in DistillSettings.model_fields if source_of(name) == "paper"}
     assert found == stated | {"preset", "layers", "steps", "epochs"}
 
 
-def test_each_one_is_described() -> None:
+def test_each_one_is_described():
     assert all(
         f"    {name}\n        {field.description}" in (DistillSettings.__doc__ or "")
         for name, field in DistillSettings.model_fields.items()
     )
 
 
-def test_main_settings_are_parameters_and_none_is_the_preset_s(chair_mesh: dfd.Mesh, tmp_path: Path) -> None:
+def test_main_settings_are_parameters_and_none_is_the_preset_s(chair_mesh, tmp_path):
     encoder = save_tiny_encoder(tmp_path / "tiny")
     given: dict[str, Any] = {"cache": False, "progress": False, "steps": 1, "resolution": 32}
     parameters = inspect.signature(dfd.distill).parameters

@@ -6,7 +6,6 @@ from made_hook import hook, plane_of
 from made_tube import tube
 from scipy.spatial import cKDTree
 
-import dfd
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry import pair as module
 from dfd.symmetry.fit import SurfaceSamples, fitted, samples_of
@@ -14,18 +13,18 @@ from dfd.symmetry.pair import mirror_image
 from dfd.symmetry.plane import SymmetryPlane
 
 
-def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> SurfaceSamples:
+def sampled(mesh, vertices):
     return samples_of(vertices, mesh.faces)
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[SurfaceSamples, SurfaceSamples]:
+def pair():
     """Return a hook and its mirror image in `plane_of()`."""
     mesh = hook()
     return sampled(mesh, mesh.vertices), sampled(mesh, plane_of().reflect(mesh.vertices))
 
 
-def error(found: np.ndarray | None, one: SurfaceSamples) -> float:
+def error(found, one):
     """Return the largest distance between the image of a component and its true mirror image, in its sizes."""
     images = one.points @ found[:, :3].T + found[:, 3]
     return float(np.linalg.norm(images - plane_of().reflect(one.points), axis=1).max()) / one.size
@@ -100,7 +99,7 @@ def test_the_plane_between_two_components_does_not_depend_on_the_unit(unit):
     np.testing.assert_allclose(found[:, 3] / unit, plane.reflection[:3, 3], atol=0.01)
 
 
-def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
+def reflected(one, plane):
     """Return the exact mirror images of the samples of a component."""
     points = plane.reflect(one.points)
     normals = one.normals @ plane.reflection[:3, :3]
@@ -131,7 +130,7 @@ def test_the_misfit_is_the_distance_from_tangent_planes_nearby_and_from_samples_
     """Two flat strips, of which one is twice as long, and a third one beside them."""
     random = np.random.default_rng(0)
 
-    def strip(length: float, height: float) -> SurfaceSamples:
+    def strip(length, height):
         points = np.column_stack([random.uniform(0, length, 800), random.uniform(0, 0.3, 800), np.full(800, height)])
         return SurfaceSamples(points, np.tile([0.0, 0, 1], (800, 1)), cKDTree(points), float(np.hypot(length, 0.3)))
 

@@ -7,7 +7,7 @@ from symmetry.shapes import creature
 from dfd.symmetry.plane import SymmetryPlane, axis_plane, plane_from_text
 
 
-def test_reflection_and_distance_agree() -> None:
+def test_reflection_and_distance_agree():
     normal = np.array([1.0, 2.0, -2.0]) / 3
     plane = SymmetryPlane(tuple(normal), 0.7)
     points = np.random.default_rng(0).normal(size=(20, 3))
@@ -17,7 +17,7 @@ def test_reflection_and_distance_agree() -> None:
     np.testing.assert_allclose(plane.reflect(mirrored), points, atol=1e-12)
 
 
-def test_axis_plane_stands_at_the_center_of_the_box() -> None:
+def test_axis_plane_stands_at_the_center_of_the_box():
     assert axis_plane(creature(offset=(5, 0, 0)), "x").offset == pytest.approx(5.0)
     with pytest.raises(ValueError, match="`axis` must be one of x, y, z, got 'w'"):
         axis_plane(creature(), "w")
@@ -32,7 +32,7 @@ def test_axis_plane_stands_at_the_center_of_the_box() -> None:
         (((1, 0, 0), 0.0, 0.0, 0.0, -1.0), "`band` must be at least 0, got -1"),
     ],
 )
-def test_a_plane_that_is_none_is_refused(arguments: tuple, message: str) -> None:
+def test_a_plane_that_is_none_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         SymmetryPlane(*arguments)
 
@@ -48,7 +48,7 @@ def test_a_plane_that_is_none_is_refused(arguments: tuple, message: str) -> None
         ("0, 0, 7 = 1", (0, 0, 1), 1.0),
     ],
 )
-def test_planes_as_people_write_them(text: str, normal: tuple, offset: float | None) -> None:
+def test_planes_as_people_write_them(text, normal, offset):
     mesh = creature(offset=(5, 0, 0))
     plane = plane_from_text(text, mesh)
     assert plane.normal == pytest.approx(normal)
@@ -68,6 +68,6 @@ def test_planes_as_people_write_them(text: str, normal: tuple, offset: float | N
         ("x=nan", "must have finite numbers"),
     ],
 )
-def test_what_is_no_plane_is_refused(text: str, message: str) -> None:
+def test_what_is_no_plane_is_refused(text, message):
     with pytest.raises(ValueError, match="plane_from_text: `text` " + message):
         plane_from_text(text, creature())

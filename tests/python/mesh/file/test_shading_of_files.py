@@ -1,7 +1,5 @@
 """Normals of files without normals: flat or smooth as the file says, else divided at edges of more than 30°."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +10,7 @@ from dfd.mesh.file.shading import UNSAID, corner_normals
 from dfd.mesh.mesh import Mesh, load
 
 
-def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def strip(degrees, steps=4):
     """A strip of quads, each turned by an angle against the one before."""
     turns = np.radians(degrees) * np.arange(steps)
     line = np.vstack([np.zeros(2), np.cumsum(np.stack([np.cos(turns), np.sin(turns)], axis=1), axis=0)])
@@ -23,7 +21,7 @@ def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.array(faces)
 
 
-def least_cosine(path: Path) -> float:
+def least_cosine(path):
     """Return the smallest cosine between the normal of a face corner and the normal of its face."""
     scene = load(path).scene
     found = []
@@ -36,14 +34,14 @@ def least_cosine(path: Path) -> float:
     return float(min(found))
 
 
-def obj(vertices: np.ndarray, faces: np.ndarray, said: str = "") -> str:
+def obj(vertices, faces, said=""):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     return "\n".join([*lines, said, *("f {} {} {}".format(*face) for face in faces + 1), ""])
 
 
 @pytest.mark.parametrize("ending", ["ply", "stl", "off", "obj"])
 @pytest.mark.parametrize(("degrees", "sharp"), [(29, False), (31, True), (90, True)])
-def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: bool, tmp_path: Path) -> None:
+def test_an_angle_of_thirty_degrees_divides(ending, degrees, sharp, tmp_path):
     vertices, faces = strip(degrees)
     Mesh(vertices, faces).save(tmp_path / f"a.{ending}")
     load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
@@ -54,7 +52,7 @@ def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: 
 
 
 @pytest.mark.parametrize("source", ["arrays", "trimesh"])
-def test_a_mesh_from_memory_keeps_its_vertices(source: str, tmp_path: Path) -> None:
+def test_a_mesh_from_memory_keeps_its_vertices(source, tmp_path):
     mesh = Mesh(CORNERS, CUBE) if source == "arrays" else load(trimesh.Trimesh(CORNERS, CUBE, process=False))
     mesh.save(tmp_path / "a.glb")
     scene = load(tmp_path / "a.glb").scene
@@ -62,17 +60,17 @@ def test_a_mesh_from_memory_keeps_its_vertices(source: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("said", ["s off", "s 0", "s null"])
-def test_an_obj_that_says_flat_is_flat(said: str, tmp_path: Path) -> None:
+def test_an_obj_that_says_flat_is_flat(said, tmp_path):
     load(write(tmp_path / "a.obj", obj(*strip(10), said))).save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") > 0.9999
 
 
-def test_an_obj_that_says_smooth_is_smooth_over_sharp_edges(tmp_path: Path) -> None:
+def test_an_obj_that_says_smooth_is_smooth_over_sharp_edges(tmp_path):
     load(write(tmp_path / "a.obj", obj(CORNERS, CUBE, "s 1"))).save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") < 0.8
 
 
-def test_smoothing_groups_of_an_obj_divide(tmp_path: Path) -> None:
+def test_smoothing_groups_of_an_obj_divide(tmp_path):
     vertices, faces = strip(10, steps=2)
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     for side in (0, 1):
@@ -81,7 +79,7 @@ def test_smoothing_groups_of_an_obj_divide(tmp_path: Path) -> None:
     assert least_cosine(tmp_path / "a.glb") > 0.9999
 
 
-def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path: Path) -> None:
+def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path):
     gltf = Gltf()
     vertices, faces = strip(10)
     gltf.node(mesh=gltf.mesh("strip", vertices, faces))
@@ -90,7 +88,7 @@ def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path: Path) 
     assert least_cosine(tmp_path / "b.glb") > 0.9999
 
 
-def test_a_smooth_shape_keeps_its_vertices(tmp_path: Path) -> None:
+def test_a_smooth_shape_keeps_its_vertices(tmp_path):
     vertices, faces = strip(10)
     write(tmp_path / "a.obj", obj(vertices, faces))
     load(tmp_path / "a.obj").save(tmp_path / "a.glb")
@@ -98,7 +96,7 @@ def test_a_smooth_shape_keeps_its_vertices(tmp_path: Path) -> None:
     assert len(scene.primitives[0].vertices) == len(vertices)
 
 
-def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path: Path) -> None:
+def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path):
     vertices, faces = strip(10)
     sliver = np.vstack([faces, [(2, 2, 3)], [(2, 3, 2)]])
     group, _ = corner_normals(vertices, sliver, np.full(len(sliver), UNSAID))
@@ -116,14 +114,14 @@ SQUARE = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)], float)
 FRONT = np.array([(0, 1, 2), (0, 2, 3)])
 
 
-def card(folder: Path, ending: str) -> Path:
+def card(folder, ending):
     """A sheet with its own vertices on each side."""
     Mesh(np.vstack([SQUARE, SQUARE]), np.vstack([FRONT, FRONT[:, ::-1] + 4])).save(folder / f"card.{ending}")
     return folder / f"card.{ending}"
 
 
 @pytest.mark.parametrize("source", ["obj", "ply", "stl", "off", "arrays", "glb"])
-def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_path: Path) -> None:
+def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source, tmp_path):
     if source == "arrays":
         mesh = Mesh(SQUARE, np.vstack([FRONT, FRONT[:, ::-1]]))
     elif source == "glb":  # the sides share their vertices
@@ -143,7 +141,7 @@ def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_p
         assert np.allclose(normals, across / np.linalg.norm(across), atol=1e-6)
 
 
-def leaf(ending: str, folder: Path) -> Path:
+def leaf(ending, folder):
     """A folded leaf whose normals all point up, as on foliage."""
     vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (1, 0, 0.2), (1, 1, 0.2)])
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 0, 3), (4, 3, 5)])
@@ -158,7 +156,7 @@ def leaf(ending: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("ending", ["obj", "glb"])
-def test_normals_of_an_artist_turn_with_the_surface_and_ignore_other_motions(ending: str, tmp_path: Path) -> None:
+def test_normals_of_an_artist_turn_with_the_surface_and_ignore_other_motions(ending, tmp_path):
     mesh = load(leaf(ending, tmp_path))
     for moved in (mesh.vertices + [0.3, -2.7, 1 / 3], mesh.vertices * 2):
         mesh.save(tmp_path / f"moved.{ending}", moved)
