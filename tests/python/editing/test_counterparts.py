@@ -1,4 +1,6 @@
-"""Test how counterparts are found, and their frames; `test_recorded_gestures` has the usual ones."""
+"""Test how counterparts are found, their frames, and their shares of the weights."""
+
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -6,9 +8,11 @@ import trimesh
 from made_hook import hook, plane_of
 
 from dfd import Mesh, SymmetryPlane
+from dfd.editing.weights.by_features import shares_everywhere
 from dfd.editing.weights.counterparts import find_counterparts
 from dfd.editing.weights.fill import Counterpart
-from dfd.editing.weights.held_part import hold
+from dfd.editing.weights.held_part import HeldPart, hold
+from dfd.geometry import coarse
 from dfd.geometry.coarse import nodes_of
 from dfd.posing.transforms import Transform
 
@@ -54,6 +58,22 @@ def find(
     return [one for _, one in found]
 
 
+def everywhere(mesh: Mesh, component: np.ndarray) -> np.ndarray:
+    """Return the share (K, V) of each component at every vertex."""
+    shares = shares_everywhere(HeldPart((), nodes_of(mesh), component), mesh.diagonal)
+    return np.stack([each.dense(len(mesh.vertices)) for each in shares])
+
+
+def test_counterparts_are_the_most_similar_vertices_of_their_components():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.6) + hill(mesh, 0.5, 0.5, 0.9)
+    component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
+    own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), component)
+    np.testing.assert_allclose(own.position, (-0.5, 0, -0.5), atol=1e-12)
+    np.testing.assert_allclose(second.position, (0.5, 0, 0.5), atol=1e-12)
+    np.testing.assert_allclose(third.position, (0.5, 0, -0.5), atol=1e-12)
+
+
 @pytest.mark.parametrize("handle_on_hub", [False, True])
 def test_a_component_inside_another_component_joins_it(handle_on_hub):
     """A hub inside a tire joins the component of the tire. A hub beside the tire is a separate component."""
@@ -78,6 +98,34 @@ def test_a_component_inside_another_component_joins_it(handle_on_hub):
     assert counted(ball.vertices * (50, 3, 1) + (9.5, 0.1, 0)) == 2
 
 
+def test_shares_everywhere_sum_to_1_change_smoothly_and_are_1_on_their_own_components():
+    mesh = sheet()
+    component = around(mesh, (-0.5, 0), (0.5, 0))
+    shares = everywhere(mesh, component)
+    np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
+    assert shares.min() >= 0
+    for number in (0, 1):
+        np.testing.assert_array_equal(shares[number, component == number], 1)
+    along = shares[0].reshape(SIDE, SIDE)
+    assert np.abs(np.diff(along, axis=0)).max() < 0.2
+    assert np.abs(np.diff(along, axis=1)).max() < 0.2
+
+
+def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
+    mesh = sheet()
+    plane = SymmetryPlane((1.0, 0.0, 0.0), 0.0)
+    # With a noisy field, the maximum on the other side is not exactly at the mirror image.
+    weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
+    # One component lacks a piece, so the components are no mirror images. The frame then depends on the given plane.
+    component = around(mesh, (-0.5, 0.2), (0.5, 0.2))
+    component[(component == 1) & (mesh.vertices[:, 2] > 0.21)] = -1
+    own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
+    np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(other.position, plane.reflect([own.position])[0], atol=1e-12)
+    moved = other.transform(Transform(translation=(0.1, 0.2, 0.3)).matrix(), own.position)
+    np.testing.assert_allclose(moved, Transform(translation=(-0.1, 0.2, 0.3)).matrix(), atol=1e-12)
+
+
 @pytest.mark.parametrize(("less", "mirrored"), [(0.04, True), (0.06, False)])
 def test_the_mirror_image_of_a_handle_is_its_counterpart_unless_another_place_is_clearly_more_similar(less, mirrored):
     mesh, plane = sheet(), SymmetryPlane((1.0, 0.0, 0.0), 0.0)
@@ -89,6 +137,47 @@ def test_the_mirror_image_of_a_handle_is_its_counterpart_unless_another_place_is
     _, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), component, plane)
     assert other.vertex == (vertex_at(mesh, 0.5, 0.2) if mirrored else best)
     np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
+
+
+def test_components_far_apart_are_counterparts_too():
+    mesh = sheet(copies=2)
+    weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
+    component = (mesh.vertices[:, 0] > 50).astype(np.int64)
+    own, other = find(mesh, weights, vertex_at(mesh, 0, 0), component)
+    np.testing.assert_allclose(np.subtract(other.position, own.position), (100, 0, 0), atol=2e-3)
+    shares, on_the_first = everywhere(mesh, component), mesh.vertices[:, 0] < 50
+    np.testing.assert_array_equal(shares[0, on_the_first], 1)
+    np.testing.assert_array_equal(shares[1, ~on_the_first], 1)
+
+
+def test_a_piece_without_a_component_follows_the_nearest_ones_more():
+    """The pieces lie at x = 0, 100 and 200, and no surface connects them. The last one has no component."""
+    mesh = sheet(copies=3)
+    component = np.repeat([0, 1, -1], SIDE * SIDE)
+    shares = everywhere(mesh, component)[:, component < 0]
+    near, far = 1 + 99 / mesh.diagonal, 1 + 199 / mesh.diagonal
+    left = near**2 / far**2 - 0.03
+    np.testing.assert_allclose(shares[0], left / (left + 0.97), atol=0.01)
+
+
+def test_counterparts_on_clustered_nodes_are_the_same_as_on_vertices():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
+    vertex = vertex_at(mesh, -0.5, -0.5)
+    component = around(mesh, (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5))
+
+    def found() -> tuple[list[Counterpart], np.ndarray]:
+        nodes = nodes_of(mesh)
+        of_node = component[nodes.members[nodes.starts]]
+        return find(mesh, weights, vertex, of_node), everywhere(mesh, of_node)
+
+    exact, shares = found()
+    with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 20):
+        assert len(nodes_of(mesh).center) < 500
+        clustered, clustered_shares = found()
+    assert [each.vertex for each in clustered] == [each.vertex for each in exact]
+    np.testing.assert_allclose(clustered_shares.sum(axis=0), 1, atol=1e-5)
+    assert np.abs(clustered_shares - shares).mean() < 0.04
 
 
 def test_a_mirror_image_of_a_mirror_image_has_the_product_of_both_reflections():

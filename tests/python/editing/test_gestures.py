@@ -7,8 +7,10 @@ from made_field import field_of, looks
 import dfd
 from dfd.app.options import SAMPLE_FIELDS
 from dfd.editing.report import largest_stretch
-from dfd.editing.weights.fill import band_of, weights_at
-from dfd.editing.weights.held_part import hold
+from dfd.editing.weights.fill import STEEPEST, STRAIN, band_of, weights_at
+from dfd.editing.weights.held_part import BEYOND, INSIDE, hold
+from dfd.geometry.coarse import nodes_of
+from dfd.geometry.topology import vertex_areas
 
 
 @pytest.fixture(scope="module")
@@ -246,6 +248,31 @@ def test_vertices_without_faces_follow_the_nearest_surface(animal):
         near = np.linalg.norm(moved[len(mesh.vertices) :] - moved[own], axis=1)
         assert np.median(near) < 1e-3
         assert near.max() < 0.15
+
+
+def test_the_band_keeps_its_limits(animal):
+    sample, known, _ = animal
+    mesh, session = sample.mesh, fresh(known)
+    areas = vertex_areas(mesh.vertices, mesh.faces)
+    for part in ("leg", "ear", "head", "tail"):
+        tip = tip_of(sample, part)
+        handle = session.add(tip)
+        held = session.bound.held(session.edit, session.handle(handle))
+        rest = session.following[:, 0]
+        inside = held.component_of_node[nodes_of(mesh).of_vertex] >= 0
+        for size in (0.01, 0.1, 0.5):
+            session.move(handle, translation=(size * mesh.diagonal, 0, 0))
+            weights = session.following[:, 0]
+            assert areas[(weights > 1e-3) & ~inside].sum() <= (BEYOND + 0.03) * areas[~inside].sum()
+            for (band,), component in zip(session.bound.bands(session.edit), held.components, strict=True):
+                assert band.outward <= component.outward
+                assert band.inward <= component.inward <= INSIDE * component.depth.max(initial=np.inf) + 1e-6
+                asked = size * mesh.diagonal * STEEPEST / STRAIN
+                wide = band.outward + band.inward
+                at_limit = band.outward == component.outward or band.inward == component.inward
+                assert wide >= 0.4 * asked or at_limit
+        assert (rest[tip], weights[tip]) == (1.0, 1.0)
+        session.remove(handle)
 
 
 def test_the_band_does_not_cross_a_gap_between_two_surfaces():

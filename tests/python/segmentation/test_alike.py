@@ -5,13 +5,15 @@ from unittest import mock
 
 import numpy as np
 import pytest
+import trimesh
 
 import dfd
 from dfd.samples.implicit import Primitive, Shape, capsule, rounded_box
 from dfd.samples.polygonize import polygonize
 from dfd.segmentation import alike as module
-from dfd.segmentation.alike import LIKELY, POSSIBLE, Alike
+from dfd.segmentation.alike import CUES, LIKELY, POSSIBLE, Alike, compared, pair_cues
 from dfd.segmentation.parts import Parts
+from dfd.segmentation.regions import all_regions, measured
 
 COUNT = 100  # number of patches, all of one area; patches with neighboring numbers touch
 
@@ -113,6 +115,62 @@ def comb(short):
     rows[:, 0] = np.clip((vertices[:, 1] - 0.7) / 0.05, -1, 1)
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     return vertices, Parts(dfd.Mesh(vertices, faces), lambda some: rows[some])
+
+
+@pytest.fixture(scope="module")
+def measures():
+    made = trimesh.creation.icosphere(4).apply_scale((3, 2, 1))
+    parts = Parts(dfd.Mesh(made.vertices, made.faces), lambda some: made.vertices[some].astype(np.float32))
+    return parts._trees
+
+
+def test_measures_of_regions_are_those_of_their_definition(measures):
+    trees, patches = measures, measures.patches
+    region = patches.center[:, 0] > 0.2
+    found = measured(trees, np.array([region, np.ones(len(region), bool)]))
+    area, points = patches.area[region], patches.center[region]
+    extents = np.sqrt(np.linalg.eigvalsh(np.cov(points.T, aweights=area, ddof=0)))
+    at_border = np.not_equal(*region[patches.borders.pairs.T])
+    length, ends = patches.borders.length[at_border], patches.borders.pairs[at_border]
+    rim = np.average(patches.center[ends].mean(axis=1), axis=0, weights=length)
+    around = trees.around(region)
+    mean, outer = (np.average(trees.values[each], axis=0, weights=patches.area[each]) for each in (region, around))
+    assert found.area[0] == pytest.approx(area.sum())
+    assert found.border[0] == pytest.approx(length.sum(), rel=1e-5)
+    np.testing.assert_allclose(found.extents[0], extents, rtol=1e-6)
+    assert found.reach[0] == pytest.approx(np.linalg.norm(np.average(points, axis=0, weights=area) - rim), rel=1e-5)
+    np.testing.assert_allclose(found.mean[0], mean, atol=1e-9)
+    assert found.contrast[0] == pytest.approx(np.linalg.norm(mean - outer))
+    assert (found.reach[1], found.contrast[1]) == (0, 1), "the whole shape has no surroundings"
+    assert np.sqrt(patches.area @ np.square(trees.values).sum(axis=1)) == pytest.approx(1)
+
+
+def test_cues_of_a_pair_are_those_of_their_definition(measures):
+    trees, patches = measures, measures.patches
+    one, other = patches.center[:, 0] > 0.3, patches.center[:, 0] < -0.35
+    beside = trees.around(one)
+    own, others = measured(trees, one[None]), measured(trees, np.array([other, beside]))
+    found = dict(zip(CUES, pair_cues(trees, own, others).T, strict=True))
+    assert found["area"][0] == pytest.approx(abs(np.log(patches.area @ one / (patches.area @ other))), rel=1e-6)
+    apart = np.linalg.norm(own.mean - others.mean, axis=1)
+    np.testing.assert_allclose(found["features"], apart / ((own.contrast + others.contrast) / 2 + 0.1))
+    assert found["touching"].tolist() == [0, 1]
+    assert found["size"] == pytest.approx(np.log(own.area[0] + 0.1))
+    assert found["clear"] == pytest.approx(np.log(own.contrast[0] + 0.1))
+    for name in ("border", "thickness", "width", "length", "reach", "contrast"):
+        assert pair_cues(trees, own, own)[0, CUES.index(name)] == 0
+
+
+def test_regions_are_compared_if_they_do_not_overlap(measures):
+    trees = measures
+    regions = all_regions(trees)
+    assert len(np.unique(np.packbits(regions, axis=1), axis=0)) == len(regions)
+    own = regions[len(regions) // 2]
+    rows, cues, near = compared(trees, own, measured(trees, regions))
+    np.testing.assert_array_equal(rows, np.flatnonzero(~(regions & own).any(axis=1)))
+    one, others = measured(trees, own[None]), measured(trees, regions[rows])
+    np.testing.assert_allclose(cues, pair_cues(trees, one, others))
+    np.testing.assert_array_equal(near, np.linalg.norm(one.mean - others.mean, axis=1) < 2**0.5)
 
 
 def test_equal_teeth_of_a_comb_follow_each_other_and_a_short_one_does_not():

@@ -8,7 +8,7 @@ import trimesh
 
 import dfd
 from dfd.segmentation import choose
-from dfd.segmentation.choose import LARGEST, STEP, Candidates, candidates, ladder
+from dfd.segmentation.choose import LARGEST, STEP, Candidates, candidates, ladder, probabilities
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.trees import SMALLEST
 
@@ -34,6 +34,21 @@ def made(sizes, likely, *, things=(), starts=None, votes=None):
 def first_cue_alone():
     with mock.patch.object(choose, "_weights", return_value=np.eye(5)[0]):
         yield
+
+
+def test_a_region_of_several_trees_counts_as_often():
+    np.testing.assert_allclose(probabilities(made([100, 200, 300], [1, 2, 5])), [1 / 8, 2 / 8, 5 / 8])
+    np.testing.assert_allclose(probabilities(made([100, 200, 300], [1, 2, 5], votes=[3, 1, 1])), [0.3, 0.2, 0.5])
+
+
+def test_overlaps_are_shares_of_the_union():
+    area = np.linspace(1, 2, COUNT) / np.linspace(1, 2, COUNT).sum()
+    found = made([100, 300, 200], [1, 1, 1], starts=[0, 0, 200])
+    one, two, both = (area[slice(*ends)].sum() for ends in ((0, 100), (0, 300), (200, 300)))
+    wanted = np.eye(3)
+    wanted[0, 1] = wanted[1, 0] = one / two
+    wanted[1, 2] = wanted[2, 1] = both / area[:400].sum()
+    np.testing.assert_allclose(found.overlaps(area), wanted)
 
 
 def test_level_0_has_the_largest_expected_overlap():
@@ -65,6 +80,16 @@ def test_the_nearest_things_are_the_next_levels():
     levels, middle = ladder(made(sizes, likely, things=[0, 2, 5, 6]), AREA)
     assert (levels[middle - 1], levels[middle], levels[middle + 1]) == (2, 3, 5)
     assert levels == [0, 1, 2, 3, 5, 6]
+
+
+def test_a_further_level_adds_most_to_the_expected_overlap_and_is_nested():
+    """Of two larger candidates, the likelier one is next. What does not contain the part is no level."""
+    sizes, starts = [100, 140, 200, 260, 500], [0, 0, 0, 50, 0]
+    found = made(sizes, [50, 1, 10, 40, 3], starts=starts)
+    assert ladder(found, AREA) == ([0, 2, 4], 0)
+    assert ladder(made(sizes, [50, 12, 2, 1, 3], starts=starts), AREA) == ([0, 1, 4], 0)
+    inner = made([100, 140, 200, 260, 500], [3, 2, 10, 40, 200], starts=[50, 0, 0, 400, 0])
+    assert ladder(inner, AREA) == ([0, 2, 4], 2)
 
 
 @pytest.fixture(scope="module")
