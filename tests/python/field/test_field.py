@@ -1,10 +1,8 @@
 """Test fields: features of unit length, mesh units, gradients, and files."""
 
 import json
-import os
 import subprocess
 import sys
-import tempfile
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from made_field import made_field
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from dfd import Field, _core
+from dfd import Field
 
 NETWORK = {"dimension": 12, "width": 16, "layers": 2, "octaves": 2}
 
@@ -51,25 +49,6 @@ def test_features_equal_those_of_the_slow_reference(octaves, dimension, width, l
     field = made_field(dimension, width=width, layers=layers, octaves=octaves, center=(0.1, 0.2, -0.3), scale=0.7)
     some = points(101) / 3
     np.testing.assert_allclose(field(some), reference.field(field, some), atol=2e-5)
-
-
-def test_every_instruction_set_and_number_of_threads_agrees(field):
-    code = (
-        "import sys, numpy as np, dfd; dfd.set_num_threads(int(sys.argv[1])); "
-        "np.save(sys.argv[3], dfd.Field.load(sys.argv[2])(np.random.default_rng(0).normal(size=(5001, 3))))"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        field.save(f"{folder}/a.safetensors")
-        by_set = {}
-        for name in _core.instruction_sets():
-            for threads in ("1", "3"):
-                out = f"{folder}/{name}{threads}.npy"
-                arguments = [sys.executable, "-c", code, threads, f"{folder}/a.safetensors", out]
-                subprocess.run(arguments, env={**os.environ, "DFD_ISA": name}, check=True)
-                by_set[name, threads] = np.load(out)
-        for name in _core.instruction_sets():
-            np.testing.assert_array_equal(by_set[name, "1"], by_set[name, "3"])
-            np.testing.assert_allclose(by_set[name, "1"], by_set["baseline", "1"], atol=1e-5)
 
 
 def test_a_field_is_used_without_torch(field, tmp_path):

@@ -78,16 +78,6 @@ def test_the_kernel_agrees_with_its_twin(seed, count, face_count, link_count):
     assert np.allclose(out[0, joined] * solver.extent, wanted[joined], atol=1e-5)
 
 
-def test_one_thread_equals_many():
-    found = []
-    for threads in (1, 4):
-        dfd.set_num_threads(threads)
-        geodesics = Geodesics(sphere_of(6))
-        found.append(np.vstack([geodesics.distances([7]), geodesics.distances([7, 9, 11])]))
-    assert np.array_equal(found[0], found[1])
-    assert np.array_equal(found[0][0], found[0][1])
-
-
 def test_components_that_touch_are_near_and_others_farthest():
     seat = trimesh.creation.box((1, 0.1, 1))
     leg = trimesh.creation.box((0.1, 1, 0.1)).apply_translation((0.4, -0.54, 0.4))  # inside the seat

@@ -102,22 +102,6 @@ def test_float32_gradients_are_near_those_of_float64(layout):
         torch.testing.assert_close(value.grad.double(), other.grad, rtol=1e-4, atol=2e-4)
 
 
-def test_gradients_have_the_same_bits_for_any_number_of_threads():
-    found = []
-    for count in (1, 2, 5):
-        inputs = [torch.from_numpy(array).requires_grad_() for array in scene(20_000, 6)]
-        before = dfd.get_num_threads()
-        dfd.set_num_threads(count)
-        try:
-            dfd.pose(*inputs).square().sum().backward()
-        finally:
-            dfd.set_num_threads(before)
-        found.append([value.grad for value in inputs])
-    for other in found[1:]:
-        for mine, theirs in zip(found[0], other, strict=True):
-            assert torch.equal(mine, theirs)
-
-
 @pytest.mark.parametrize(("overlap", "symmetry"), [("add", None), ("paper", PLANE), ("normalize", PLANE)])
 def test_gradcheck_and_gradgradcheck(overlap, symmetry):
     vertices, weights, transforms = tensors()
