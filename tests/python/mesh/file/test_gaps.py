@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, Gltf, bent, checkered, look_of, write
+from mesh_files import CORNERS, CUBE, Gltf, bent, checkered, look_of, ply, write
 from scipy.spatial.transform import Rotation
 
 from dfd.mesh.mesh import load
 
 TURN = Rotation.from_rotvec([0, 0, np.pi / 2])
 RED = "1 0 0"
-PLY = "ply\nformat ascii 1.0\nelement vertex 8\n"
-FACES = "element face 12\nproperty list uchar int vertex_indices\n"
 
 
 def obj(vertices, faces):
@@ -65,9 +63,8 @@ def colored(ending):
     if ending == "obj":
         return obj([*rows[:-1], places()[-1]], triangles(1))
     if ending == "ply":
-        head = PLY + "".join(f"property float {name}\n" for name in ("x", "y", "z", "red", "green", "blue"))
-        return "\n".join([head + FACES + "end_header", *rows[:-1], f"{places()[-1]} nan 0 0"] + [
-            f"3 {each}" for each in triangles()] + [""])  # fmt: skip
+        colors = ["float red", "float green", "float blue"]
+        return ply(colors, [*rows[:-1], f"{places()[-1]} nan 0 0"], faces=[f"3 {each}" for each in triangles()])
     if ending == "off":
         return "\n".join(["COFF", "8 12 0", *rows[:-1], f"{places()[-1]} nan nan nan"] + [
             f"3 {each}" for each in triangles()] + [""])  # fmt: skip
@@ -125,11 +122,9 @@ def test_one_face_without_texture_coordinates_leaves_those_of_the_others(tmp_pat
 
 def test_one_face_of_a_ply_without_texture_coordinates_leaves_those_of_the_others(tmp_path):
     checkered(tmp_path / "paint.png", 64)
-    head = "ply\nformat ascii 1.0\ncomment TextureFile paint.png\nelement vertex 4\n"
-    head += "property float x\nproperty float y\nproperty float z\nelement face 2\n"
-    head += "property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
-    rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 0\n"
-    path = write(tmp_path / "a.ply", head + rows)
+    rows, faces = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"], ["3 0 1 2 6 0 0 1 0 1 1", "3 0 2 3 0"]
+    text = ply([], rows, faces=faces, of_faces=["list uchar float texcoord"], comment="TextureFile paint.png")
+    path = write(tmp_path / "a.ply", text)
     with pytest.warns(UserWarning, match="textured vertices without coordinates"):
         look = look_of(path)
     assert np.allclose(look.albedo(np.array([0]), np.array([(0.1, 0.8, 0.1)])), (1, 1, 1, 1), atol=0.01)
@@ -142,9 +137,7 @@ def test_a_vertex_without_a_position_that_no_face_uses_follows_nothing(ending, w
     rows = [" ".join(f"{each:g}" for each in row) for row in vertices.tolist()]
     text = {
         "obj": "".join(f"v {row}\n" for row in rows) + "".join("f {} {} {}\n".format(*each) for each in faces + 1),
-        "ply": "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\n"
-        "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
-        + "\n".join([*rows, *("3 {} {} {}".format(*each) for each in faces), ""]),
+        "ply": ply([], rows, faces=["3 {} {} {}".format(*each) for each in faces]),
         "off": "\n".join(["OFF", "9 12 0", *rows, *("3 {} {} {}".format(*each) for each in faces), ""]),
     }
     gltf = Gltf()

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, bent, checkered, look_of, normals_of, obj_cube, same_shape, write
+from mesh_files import CORNERS, CUBE, bent, checkered, look_of, normals_of, obj_cube, ply, same_shape, write
 
 from dfd.mesh.mesh import Mesh, load
 
@@ -141,15 +141,6 @@ def test_homogeneous_coordinates_of_an_obj_file_are_divided(tmp_path):
 
 
 # PLY
-
-
-def ply(properties, rows, *, kind="float", faces=None, of_faces=None, comment="made by hand"):
-    faces = ["3 0 1 2"] if faces is None else faces
-    head = ["ply", "format ascii 1.0", f"comment {comment}", f"element vertex {len(rows)}"]
-    head += [*(f"property {kind} {axis}" for axis in "xyz"), *(f"property {each}" for each in properties)]
-    head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    head += [*(f"property {each}" for each in of_faces or []), "end_header"]
-    return "\n".join([*head, *rows, *faces, ""])
 
 
 @pytest.mark.parametrize(
@@ -291,17 +282,13 @@ def test_normals_that_are_no_numbers_are_missing_and_their_text_stays(number, tm
     three = f"{number} {number} {number}"
     corners = "".join(f"f {a + 1}//1 {b + 1}//2 {c + 1}//1\n" for a, b, c in CUBE.tolist())
     vertices = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in CORNERS.tolist())
-    head = "ply\nformat ascii 1.0\nelement vertex 8\n" + "".join(
-        f"property float {each}\n" for each in ("x", "y", "z", "nx", "ny", "nz")
-    )
-    head += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [f"{x:g} {y:g} {z:g} {three if not i else '0 0 1'}\n" for i, (x, y, z) in enumerate(CORNERS.tolist())]
-    faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in CUBE.tolist())
+    rows = [f"{x:g} {y:g} {z:g} {three if not i else '0 0 1'}" for i, (x, y, z) in enumerate(CORNERS.tolist())]
+    faces = [f"3 {a} {b} {c}" for a, b, c in CUBE.tolist()]
     files = {
         "a.obj": f"{vertices}vn 0 0 1\nvn {three}\n{corners}",
-        "a.ply": head + "".join(rows) + faces,
+        "a.ply": ply(["float nx", "float ny", "float nz"], rows, faces=faces),
         "a.stl": stl_text(three),
-        "a.off": "\n".join(["NOFF", "8 12 0", *map(str.strip, rows), faces]),
+        "a.off": "\n".join(["NOFF", "8 12 0", *rows, *faces, ""]),
     }
     for name, text in files.items():
         mesh = load(write(tmp_path / name, text))

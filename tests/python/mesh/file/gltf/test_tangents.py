@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mesh_files import Gltf, header_and_data, write
+from mesh_files import Gltf, header_and_data, ply, write
 from scipy.spatial.transform import Rotation
 
 from dfd.mesh.file.assets import AssetFolder
@@ -87,10 +87,8 @@ def test_tangents_of_a_flattened_part_are_removed_and_said(tmp_path):
 
 
 def labelled(kind, labels, folder, name="label"):
-    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    head += f"property {kind} {name}\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
     rows = [f"{place} {label}" for place, label in zip(["0 0 0", "1 0 0", "0 1 0"], labels, strict=True)]
-    return load(write(folder / "a.ply", head + "\n".join([*rows, "3 0 1 2", ""])))
+    return load(write(folder / "a.ply", ply([f"{kind} {name}"], rows)))
 
 
 def attribute_of(path, name):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, checkered, obj_cube, scene_of_three, textured_quad, write
+from mesh_files import CORNERS, CUBE, checkered, obj_cube, ply, scene_of_three, textured_quad, write
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -55,10 +55,8 @@ def made(folder):
     rows = [f"{x:g} {y:g} {z:g}" for x, y, z in CORNERS.tolist()]
     faces = ["3 {} {} {}".format(*face) for face in CUBE]
     write(folder / "colors.off", "\n".join(["COFF", "8 12 0", *(f"{row} 255 0 0 255" for row in rows), *faces, ""]))
-    head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-    head += "property int label\nproperty float quality\nelement face 12\nproperty list uchar int vertex_indices\n"
     values = [f"{row} 16777217 nan" for row in rows]
-    write(folder / "labels.ply", "\n".join([f"{head}end_header", *values, *faces, ""]))
+    write(folder / "labels.ply", ply(["int label", "float quality"], values, faces=faces))
     Mesh(CORNERS, CUBE).save(folder / "cube.stl")
     return sorted(path for path in folder.iterdir() if path.suffix in ENDINGS)
 
