@@ -102,9 +102,6 @@ def test_in_the_paper_s_preset_distances_start_at_the_handle_alone(paper, geodes
     assert geodesics.asked == [[5]]
 
 
-# --- columns of weights
-
-
 # --- compact features
 
 
