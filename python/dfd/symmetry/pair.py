@@ -1,4 +1,4 @@
-"""Find the reflection that maps one component of a part onto another, even if the whole shape is not symmetric."""
+"""Find the reflection or translation that maps one component of a part onto another, even on an asymmetric shape."""
 
 from collections.abc import Sequence
 
@@ -9,17 +9,17 @@ from dfd.symmetry.fit import KEPT, SurfaceSamples, fitted
 from dfd.symmetry.plane import SymmetryPlane
 
 # A reflection is accepted if its misfit (see `_misfit`) is at most SHAPE_FIT for a plane of the whole shape, or at most
-# PAIR_FIT for a plane that was fitted to the two components.
+# PAIR_FIT for a plane that was fitted to the two components, as for a translation.
 SHAPE_FIT, PAIR_FIT = 0.06, 0.035
-LEAST_GAIN = 1.25  # a fitted plane is rejected if a translation has a misfit of at most this times the plane's misfit
+LEAST_GAIN = 1.25  # a translation is preferred to a fitted plane up to this times the plane's misfit
 
 
-def mirror_image(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
-    """Return the reflection (3, 4) that maps component `one` onto `other`, or None if no plane fits.
+def isometry(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[SymmetryPlane] | None) -> Float64 | None:
+    """Return the isometry (3, 4) that maps component `one` onto `other`, or None if none fits.
 
-    The first of `planes` that fits is used, or improved if its misfit exceeds PAIR_FIT. If `planes` is None, the plane
-    halfway between the components is improved. It is rejected if a translation fits about as well, as from one wheel to
-    the next.
+    The reflection in the first of `planes` that fits is used, or improved if its misfit exceeds PAIR_FIT. If `planes`
+    is None, the plane halfway between the components is improved, and a translation is preferred if it fits about as
+    well, as from one wheel, slat or plank to the next.
     """
     for plane in planes or ():
         given = np.append(plane.normal, plane.offset)
@@ -36,7 +36,9 @@ def mirror_image(one: SurfaceSamples, other: SurfaceSamples, planes: Sequence[Sy
     middle = (one.points.mean(axis=0) + other.points.mean(axis=0)) / 2
     misfit, found = _improved(one, other, np.append(normal, normal @ middle))
     shift = np.column_stack([np.eye(3), -between])
-    return found if misfit <= PAIR_FIT and LEAST_GAIN * misfit < _misfit(one, other, shift) else None
+    shifted = _misfit(one, other, shift)
+    least, best = (shifted, shift) if shifted <= LEAST_GAIN * misfit else (misfit, found)
+    return best if least <= PAIR_FIT else None
 
 
 def _improved(one: SurfaceSamples, other: SurfaceSamples, plane: Float64) -> tuple[float, Float64]:

@@ -41,6 +41,14 @@ def session_of(mesh, labels):
     return dfd.Deformer(mesh, field_of(mesh), features=np.eye(16, dtype=np.float32)[labels])
 
 
+def held_weights(mesh, component, vertex, translation):
+    """Return the weights (V,) of a handle at a vertex that moves the part `component` (N,)."""
+    [held] = hold(mesh, component, vertex, mesh.vertices[vertex]).components
+    column = Column(0, held.counterpart, (whole(held),))
+    affine = np.column_stack([np.eye(3), translation])
+    return filled([column], [bands_for(column, affine, np.eye(3, 4), mesh)], mesh)[:, 0]
+
+
 FEET = np.array([(x, 0.0, z) for x in (-0.4, 0.4) for z in (-0.4, 0.4)])
 
 
@@ -105,6 +113,31 @@ def test_a_rung_between_stretched_legs_moves_as_they_do(motion):
     assert leg.min() - 0.01 <= weights[piece == 5].min() <= weights[piece == 5].max() <= leg.max() + 0.01
     assert 0.2 < weights[piece == 5].mean() < 1
     np.testing.assert_array_equal(session.vertices[piece == 6], mesh.vertices[piece == 6])
+
+
+def test_a_rung_moves_as_the_stretched_part_of_the_leg_that_it_touches():
+    """It touches a leg between the foot, which moves fully, and the top, which stays. The leg is the handle's part."""
+    leg, post = (box((x, 0.4, 0), (0.12, 0.84, 0.12), 12) for x in (0, 0.8))
+    mesh, piece = joined(leg, box((0.4, 0.6, 0), (0.68, 0.06, 0.06)), post, box((0.4, 0.9, 0), (2, 0.2, 2)))
+    session = session_of(mesh, (piece > 0).astype(int))
+    foot = int(np.where(piece == 0, mesh.vertices[:, 1], 9).argmin())
+    session.add(foot, translation=(0, -0.4, 0), follow="none")
+    weights, x = session.following[:, 0], mesh.vertices[:, 0]
+    leg_here = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.6) < 0.08) & (x > 0.05)]
+    assert 0.02 < leg_here.min() < leg_here.max() < 0.8
+    end = weights[(piece == 1) & (x < 0.07)]
+    assert leg_here.min() - 0.02 <= end.min() <= end.max() <= leg_here.max() + 0.02
+    assert session.report().gap < 0.03
+
+
+def test_a_slat_as_large_as_the_pulled_one_follows_the_post_that_both_touch():
+    posts = [box((x, 0.5, 0), (0.1, 1.0, 0.1), 8) for x in (-0.5, 0.5)]
+    slats = [box((0, height, 0), (0.94, 0.06, 0.06)) for height in (0.75, 0.9)]
+    mesh, piece = joined(*posts, *slats, box((0, -0.2, 0), (3, 0.4, 3)))
+    end = int(np.where(piece == 2, -mesh.vertices[:, 0], -9).argmax())
+    weights = held_weights(mesh, np.where(piece == 2, 0, -1), end, (0, 0, 0.2))
+    assert weights[(piece == 3) & (mesh.vertices[:, 0] < -0.4)].min() > 0.5
+    np.testing.assert_array_equal(weights[piece == 4], 0)
 
 
 def test_surface_at_a_handle_on_a_contact_follows(table):
@@ -186,20 +219,23 @@ def test_what_touches_only_the_moved_part_moves_with_it():
 
 
 def test_a_small_piece_beside_the_border_moves_as_the_surface_that_it_touches():
-    """A mirror touches the body of a car outside the part, in the blend band of a wide pull. A spoiler is farther."""
+    """A mirror touches the body of a car outside the part, in the blend band of a wide pull. A spoiler is farther.
+
+    A lamp touches only the mirror, and a handle the body inside the part.
+    """
     post = straight(2.0, 61, 0.2)
-    mirror, spoiler = (box((0.22, height, 0), (0.1, 0.06, 0.06)) for height in (0.95, 0.1))
-    mesh, piece = joined(post, mirror, spoiler)
+    mirror, spoiler, handle = (box((0.22, height, 0), (0.1, 0.06, 0.06)) for height in (0.95, 0.1, 1.06))
+    mesh, piece = joined(post, mirror, spoiler, box((0.3, 0.95, 0), (0.06, 0.04, 0.04)), handle)
     component = np.where((piece == 0) & (mesh.vertices[:, 1] > 1.0), 0, -1)
     tip = int(np.where(piece == 0, mesh.vertices[:, 1], -9).argmax())
-    held = hold(mesh, component, tip, mesh.vertices[tip])
-    column = Column(0, held.components[0].counterpart, (whole(held.components[0]),))
-    pull = np.column_stack([np.eye(3), (0.4, 0, 0)])
-    weights = filled([column], [bands_for(column, pull, np.eye(3, 4), mesh)], mesh)[:, 0]
+    weights = held_weights(mesh, component, tip, (0.4, 0, 0))
     beside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.95) < 0.04)]
     assert 0.05 < beside.min() < beside.max() < 0.95
     assert beside.min() - 0.02 <= weights[piece == 1].min() <= weights[piece == 1].max() <= beside.max() + 0.02
     np.testing.assert_array_equal(weights[piece == 2], 0)
+    np.testing.assert_allclose(weights[piece == 3], weights[piece == 1].mean(), atol=0.02)
+    inside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 1.06) < 0.04)]
+    assert inside.min() - 0.02 <= weights[piece == 4].min() <= weights[piece == 4].max() <= inside.max() + 0.02
     loose = hold(mesh, component, tip, mesh.vertices[tip], detach=True).components[0]
     assert not np.isin(loose.vertices, np.flatnonzero(piece == 1)).any()
 

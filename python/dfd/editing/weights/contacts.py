@@ -28,8 +28,8 @@ BOX_MARGIN = 0.1  # the bounding box of a component is enlarged at each end by t
 STAYS, HANGS = 0.5, 0.1
 # A touched piece stretches in place of the component if its area is below SMALLER times that of the component. So the
 # legs of a table stretch, both if one of them is pulled and if the top is pulled. The stretch is 2.4 with 0, 3.6 with
-# 0.5 or 0.9, and 3.5 with 2; 0.28, 0.31 and 0.35 move. A smaller piece that touches only a touched piece follows it: of
-# 156 gestures on 26 models, 0.26 open a gap of 1 % of the diagonal, and 0.39 if such pieces stay.
+# 0.5 or 0.9, and 3.5 with 2; 0.28, 0.31 and 0.35 move. Pieces that are smaller than a moved piece, and touch it or one
+# another, follow it: of 156 gestures on 26 models, 0.20 open a gap of 1 % of the diagonal, and 0.39 if they stay.
 SMALLER = 0.9
 
 
@@ -241,29 +241,28 @@ def _contacts(
         drawn[some[nearer]], base[some[nearer]] = away[nearer], partner[some[nearest[nearer]]]
         reach = min(reach, float(away[np.isfinite(away)].max()) / 2)
     if sources:
-        followed = with_following(nodes, component, drawn, reach, own_area)
-        if len(more := np.flatnonzero(np.isfinite(followed) & ~np.isfinite(drawn))):
-            some = np.flatnonzero(np.isfinite(followed))
-            near = np.flatnonzero(base[some] >= 0)
-            nearest = dijkstra(nodes.graph[some][:, some], indices=near, min_only=True, return_predecessors=True)[2]
-            base[some] = base[some[np.maximum(nearest, 0)]]
-            followed[some[nearest < 0]] = np.inf
-        drawn = followed
+        drawn = with_following(nodes, component, drawn, reach, own_area)
+        some = np.flatnonzero(np.isfinite(drawn))
+        known = np.flatnonzero(base[some] >= 0)
+        nearest = dijkstra(nodes.graph[some][:, some], indices=known, min_only=True, return_predecessors=True)[2]
+        base[some], drawn[some[nearest < 0]] = base[some[nearest.clip(0)]], np.inf
     return Contacts(tuple(kept), apart, tuple(drawing), drawn, base, reach)
 
 
 def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, area: float) -> Float64:
-    """Return the distances `away` (N,) from a part, also for small pieces that touch only surface near the part.
+    """Return the distances `away` (N,) from a part, also for smaller pieces that touch surface near the part.
 
-    Examples are a rung between two legs that stretch, and a mirror on the door of a car. `away` is infinite on other
-    pieces, and `area` that of the component. Where a piece touches other surface, its distance is that of the surface,
-    at most `reach`. Between contacts, distances are harmonic. So the piece moves as what it touches.
+    Examples are a rung between two legs that stretch, and a mirror on the door of a car. They can touch one another.
+    `away` is infinite on other pieces, and may be negative on a component with a border on a touched piece. `area` is
+    that of the component. Where a piece touches surface that is no smaller piece, its distance is that of the surface,
+    at most `reach`. Between contacts, distances are harmonic. So the pieces move as what they touch.
     """
     graph, piece = nodes.graph, nodes.component
     row, beside = np.repeat(np.arange(len(piece)), np.diff(graph.indptr)), graph.indices
     across = (piece[row] != piece[beside]) & nodes.used[row] & nodes.used[beside]
     row, beside = row[across], beside[across]
-    small = np.bincount(piece, nodes.area) < SMALLER * area
+    areas = np.bincount(piece, nodes.area)
+    small = areas < SMALLER * max(area, areas[piece[np.isfinite(away)]].max(initial=0.0))
     small[piece[(component >= 0) | np.isfinite(away)]] = False
     ended = np.zeros(len(small), bool)  # pieces with a border of the part on their own surface
     edge = np.repeat(np.arange(len(piece)), np.diff(nodes.surface.indptr))

@@ -15,7 +15,7 @@ from dfd.geometry.coarse import nodes_of
 from dfd.geometry.part_axis import ROUND
 from dfd.mesh.mesh import Mesh
 from dfd.symmetry.fit import SurfaceSamples, samples_of
-from dfd.symmetry.pair import mirror_image
+from dfd.symmetry.pair import isometry
 from dfd.symmetry.plane import SymmetryPlane
 
 # The vertex at the mirror image of a handle corresponds to the handle if its weight is at most this much below the
@@ -78,19 +78,23 @@ def _image(
     found: Sequence[Counterpart],
     planes: Sequence[SymmetryPlane],
 ) -> Float64 | None:
-    """Return the isometry (3, 4) from the handle's component to `surface`; None if the two are no mirror images.
+    """Return the isometry (3, 4) from the handle's component to `surface`; None if no isometry was found.
 
-    The planes of the whole shape are tried first, then a plane fitted to two components. `surface` can also be the
-    mirror image of another mirror image in `found`. The first items of `surfaces` are the surfaces of `found`.
+    The planes of the whole shape are tried first, then a plane fitted to two components, and a translation. `surface`
+    can also be the image of another image in `found`: of those without a plane of the shape, the nearest is tried
+    first. The first items of `surfaces` are the surfaces of `found`.
     """
     if surface is None:
         return None
-    for tried in (planes, None):
-        for earlier, its_surface in zip(found, surfaces, strict=False):
+    middle = surface.points.mean(axis=0)
+    known = [(one, its) for one, its in zip(found, surfaces, strict=False) if its is not None]
+    near = sorted(known, key=lambda each: float(np.linalg.norm(each[1].points.mean(axis=0) - middle)))
+    for tried, pairs in ((planes, known), (None, near)):
+        for earlier, its_surface in pairs:
             to_earlier = np.eye(3, 4) if earlier is found[0] else earlier.image
-            if to_earlier is None or its_surface is None:
+            if to_earlier is None:
                 continue
-            step = mirror_image(its_surface, surface, tried)
+            step = isometry(its_surface, surface, tried)
             if step is not None:
                 return np.column_stack([step[:, :3] @ to_earlier[:, :3], step[:, :3] @ to_earlier[:, 3] + step[:, 3]])
     return None
