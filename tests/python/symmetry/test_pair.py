@@ -57,7 +57,7 @@ def test_a_rotated_copy_is_neither_a_mirror_image_nor_a_translation(pair):
     assert isometry(pair[0], sampled(mesh, mesh.vertices @ turn.T + (2, 0, 1)), None) is None
 
 
-def test_two_wheels_that_a_translation_maps_are_no_isometrys():
+def test_of_two_wheels_the_translation_is_found_and_not_a_mirror_image():
     line = np.linspace(-0.1, 0.1, 9)
     wheel = tube(np.stack([line, 0 * line, 0 * line], axis=1), 0.5)
     found = isometry(sampled(wheel, wheel.vertices), sampled(wheel, wheel.vertices + (2, 0, 0)), None)
@@ -110,13 +110,13 @@ def reflected(one, plane):
 
 
 @pytest.mark.parametrize(("angle", "offset"), [(0, 0.8), (4, 0.85), (12, 0.7)])
-def test_the_fit_finds_the_exact_plane_between_exact_isometrys(pair, angle, offset):
+def test_the_fit_finds_the_exact_plane_between_exact_mirror_images(pair, angle, offset):
     start = plane_of(angle, offset)
     found = fitted(pair[0], reflected(pair[0], plane_of()), np.append(start.normal, start.offset))
     assert error(module._reflection(found), pair[0]) < 1e-9
 
 
-def test_a_isometry_of_another_size_is_none():
+def test_a_mirror_image_of_another_size_is_none():
     mesh = hook()
     larger = plane_of().reflect(1.4 * mesh.vertices)
     assert isometry(sampled(mesh, mesh.vertices), sampled(mesh, larger), None) is None
