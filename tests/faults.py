@@ -7,8 +7,6 @@ with `--recorded`, because they find nearly every change and say nothing about r
 that the tests find, and each fault that they do not find.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import importlib.util

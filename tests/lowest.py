@@ -4,8 +4,6 @@
 environment that runs this file.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Tests of the extension with Blender as a Python module. `make test-blender` runs them in a separate environment."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 

@@ -1,7 +1,5 @@
 """Test the extension as Blender installs it: from its ZIP file, which contains the wheels."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import replace

@@ -174,22 +174,3 @@ CASE("all instruction sets and layouts give the same gradients, and any number o
         }
     }
 END
-
-CASE("wrong shapes are refused")
-    Scene<float> scene(3, 2);
-    std::vector<float> posed(9), results(9);
-    dfd::PoseGradients<float> wanted;
-    wanted.posed = {scene.direction.data(), 2, 3};
-    const auto call = [&] {
-        dfd::pose_gradients<float>(scene.arrays(posed), scene.motion(dfd::Overlap::add, false, 0), wanted, 1,
-                                   dfd::kernels());
-    };
-    CHECK_THROWS(call(), "`vertices` and their gradient must be (V, 3)");
-    wanted.posed = {scene.direction.data(), 3, 3};
-    wanted.vertices = {results.data(), 2, 3};
-    CHECK_THROWS(call(), "the gradient of `vertices` must be (V, 3)");
-    wanted.vertices = {};
-    std::vector<dfd::Affine> affine(3);
-    wanted.transforms = affine;
-    CHECK_THROWS(call(), "the gradient of `transforms` must be (H, 3, 4)");
-END

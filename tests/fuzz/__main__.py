@@ -5,8 +5,6 @@ minimizes an input that fails. The input is then written to tests/corpus, where 
 process, it is written there unchanged. The exit code is the number of targets that failed.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import os

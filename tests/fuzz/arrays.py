@@ -1,7 +1,5 @@
 """Call public functions with unusual arrays, and compare kernels with their float64 references."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from collections.abc import Callable

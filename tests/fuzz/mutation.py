@@ -1,7 +1,5 @@
 """Damage valid files: the bytes of any file, or the values of a JSON document."""
 
-from __future__ import annotations
-
 import copy
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """Send sequences of requests, some of them damaged, to a session of the app."""
 
-from __future__ import annotations
-
 import base64
 import json
 import tempfile

@@ -3,8 +3,6 @@
 Invalid input must raise ValueError or OSError with a short message of one line.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import tempfile

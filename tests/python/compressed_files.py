@@ -1,7 +1,5 @@
 """Make glTF files of a cube, compressed by the encoders of Draco and meshopt."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Damage meshes at random, with the defects of scans, exporters and unfinished models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Use every control of dfd on one mesh, and check that nothing crashes, hangs or becomes NaN."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A replacement of Ray that runs tasks in this process, one after another, and simulates failures."""
 
-from __future__ import annotations
-
 from functools import partial
 from types import SimpleNamespace
 

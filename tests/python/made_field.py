@@ -1,13 +1,13 @@
-"""Make fields with random network weights, which need no distillation."""
-
-from __future__ import annotations
+"""Make fields with random network weights, and features of samples, which need no distillation."""
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dfd import Field, Mesh
 from dfd.field.architecture import Architecture
+from dfd.samples import Sample
 
 
 def same(first: Field, second: Field) -> bool:
@@ -38,3 +38,11 @@ def field_of(mesh: Mesh, seed: int = 0, **how: Any) -> Field:
     """Return a field with random weights for the box of `mesh`."""
     how = {"center": mesh.bounds.mean(0), "scale": 2 / max(float(mesh.extents.max()), 1e-30)} | how
     return made_field(16, seed=seed, width=32, layers=2, **how)
+
+
+def looks(sample: Sample, noise: float = 0.1) -> NDArray[np.float32]:
+    """Return features (V, 16) that tell the parts of a sample apart, with noise."""
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
+    rows += noise * random.normal(size=rows.shape)
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)

@@ -1,7 +1,5 @@
 """Make a table, and a probe that finds the up direction from the surface alone, without pictures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

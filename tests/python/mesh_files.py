@@ -1,10 +1,9 @@
 """Write small mesh files for tests, and compare meshes."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +135,6 @@ def scene_of_three(tmp_path: Path) -> Path:
 def look_of(source: Path | Mesh) -> Appearance:
     """Return the appearance of a mesh or a file; AssertionError if it has none."""
     mesh = source if isinstance(source, Mesh) else load(source)
-    assert mesh.appearance is not None
     return mesh.appearance
 
 
@@ -162,3 +160,26 @@ def view_bytes(path: Path, view: int) -> bytes:
 def bent(vertices: np.ndarray) -> np.ndarray:
     """Return vertices moved by a smooth function of their positions."""
     return vertices + 0.3 * np.stack([np.sin(vertices[:, 1]), vertices[:, 2] ** 2, np.cos(vertices[:, 0])], axis=1)
+
+
+def normals_of(path: Path) -> list[np.ndarray]:
+    """Return the normals in a file, in the axes of its scene, one array for each primitive that has normals."""
+    primitives = load(path).scene.primitives
+    return [np.asarray(each.normals_to_scene(each.normals)) for each in primitives if each.normals is not None]
+
+
+def ply(
+    properties: list[str],
+    rows: list[str],
+    *,
+    kind: str = "float",
+    faces: Sequence[str] = ("3 0 1 2",),
+    of_faces: Sequence[str] = (),
+    comment: str = "made by hand",
+) -> str:
+    """Return a PLY file of text: a position of the type `kind` and further properties for each vertex, and faces."""
+    head = ["ply", "format ascii 1.0", f"comment {comment}", f"element vertex {len(rows)}"]
+    head += [*(f"property {kind} {axis}" for axis in "xyz"), *(f"property {each}" for each in properties)]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    head += [*(f"property {each}" for each in of_faces), "end_header"]
+    return "\n".join([*head, *rows, *faces, ""])

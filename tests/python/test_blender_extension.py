@@ -1,13 +1,10 @@
 """Test the modules of the Blender extension that need no Blender. `make test-blender` tests all of them inside it."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -20,10 +17,8 @@ from dfd.posing.transforms import Transform
 FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
 
 
-def part(name: str) -> ModuleType:
+def part(name):
     spec = importlib.util.spec_from_file_location(f"blender_{name}", FOLDER / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
@@ -31,14 +26,14 @@ def part(name: str) -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def shape() -> dfd.Mesh:
+def shape():
     """Return a chair beside the origin, so that every rotation moves its bounding box."""
     mesh = dfd.samples.chair(4000).mesh
     return dfd.Mesh(mesh.vertices + [0, 1, 0], mesh.faces)
 
 
 @pytest.fixture
-def field_file(shape: dfd.Mesh, tmp_path: Path) -> Path:
+def field_file(shape, tmp_path):
     random = np.random.default_rng(0)
     parameters = {
         name: (random.standard_normal(size) / np.sqrt(size[-1])).astype(np.float32)
@@ -50,7 +45,7 @@ def field_file(shape: dfd.Mesh, tmp_path: Path) -> Path:
     return path
 
 
-def in_blender(vertices: np.ndarray) -> np.ndarray:
+def in_blender(vertices):
     """Return vertices (V, 3) after the rotation of Blender's glTF importer, from y up to z up."""
     return np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
 

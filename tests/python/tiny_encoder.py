@@ -1,7 +1,5 @@
 """Write a vision network for tests, in the format of transformers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

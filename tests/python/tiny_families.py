@@ -1,7 +1,5 @@
 """Make a tiny network of each encoder family, and compute its tokens by transformers itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@
 packages of `ALONE`, without torch. For the newest Python that torch supports, the test is repeated with torch.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -9,8 +9,6 @@ of the repository: links and pictures of the README on the package index lead th
 - check the metadata of both with twine, and test both in fresh environments
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -4,8 +4,6 @@ Run `python tests/wheel/smoke.py` by the Python of the wheel's environment. If t
 OpenMP runtime. With `--page`, the app's page and the notices of its libraries must be there.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from importlib import metadata

@@ -1,7 +1,5 @@
 """A page for tests: a WebSocket that follows the protocol, and the files of a session."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable
@@ -77,13 +75,11 @@ class Page:
         with suppress(ConnectionClosed):
             while True:
                 self.hear()
-        assert self._socket is not None
         assert self._socket.close_code is not None
         return self._socket.close_code
 
     def write(self, text: str | bytes) -> None:
         """Send `text` unchanged."""
-        assert self._socket is not None
         self._socket.send(text)
 
     def say(self, type: str, **fields: Any) -> int:  # noqa: A002
@@ -115,7 +111,6 @@ class Page:
 
     def hear(self, patience: float = PATIENCE) -> dict[str, Any]:
         """Receive and return the next message."""
-        assert self._socket is not None
         data = self._socket.recv(timeout=patience)
         if isinstance(data, str):
             message = json.loads(data)

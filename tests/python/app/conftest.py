@@ -1,7 +1,5 @@
 """Fixtures: small shapes with fields, and servers that show them."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace

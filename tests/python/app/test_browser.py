@@ -4,8 +4,6 @@ The tests need Node with the client's packages (`npm ci`), the built page, and C
 one is missing. The scripts save screenshots in build/screens.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -17,6 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 from app_page import CLIENT, SCREENS, Shape
+from mesh_files import header_and_data
 
 import dfd
 from dfd.app.options import SessionOptions
@@ -83,7 +82,7 @@ def assert_exported(folder: Path, shape: Shape) -> None:
         corners = made.vertices[made.faces].reshape(-1, 3)
         np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=tolerance, err_msg=ending)
     animated = trimesh.load_scene(folder / "quadruped_poses.glb")
-    header = json.loads(glb_header(folder / "quadruped_poses.glb"))
+    header = header_and_data(folder / "quadruped_poses.glb")[0]
     times = [header["accessors"][each["input"]] for each in header["animations"][0]["samplers"]]
     assert {(each["min"][0], each["max"][0]) for each in times} == {(0.0, 1.0)}, "two key poses, a second apart"
     assert len(header["skins"][0]["joints"]) > 1
@@ -98,12 +97,6 @@ def assert_moment_exported(folder: Path, shape: Shape) -> None:
     made = dfd.load(folder / "quadruped_moment.glb")
     corners = made.vertices[made.faces].reshape(-1, 3)
     np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=1e-4 * rest.diagonal)
-    assert len(json.loads(glb_header(folder / "quadruped_rig.glb"))["skins"]) == 1
+    assert len(header_and_data(folder / "quadruped_rig.glb")[0]["skins"]) == 1
     with np.load(folder / "quadruped_weights.npz") as arrays:
         assert len(arrays["weights"]) == len(rest.vertices)
-
-
-def glb_header(path: Path) -> bytes:
-    """Return the JSON of a GLB file, which is its first chunk."""
-    data = path.read_bytes()
-    return data[20 : 20 + int.from_bytes(data[12:16], "little")]

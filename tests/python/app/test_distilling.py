@@ -1,7 +1,5 @@
 """Test the search for a field and its distillation while the page shows the mesh: progress, cancelling, continuing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from functools import partial

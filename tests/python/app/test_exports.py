@@ -1,25 +1,16 @@
 """Test the files for download: shapes, rigs, animations, the edit and the field."""
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from mesh_files import header_and_data
 
 import dfd
 from dfd.app.session.exports import Kind, export
 from dfd.common.files import file_stem
 from dfd.editing.deformer import Deformer
 from dfd.posing.transforms import Transform
-
-
-def header_of(path: Path) -> Any:
-    """Return the JSON of a GLB file."""
-    data = path.read_bytes()
-    return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
 
 @pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
@@ -43,7 +34,7 @@ def test_rigs_targets_weights_edit_and_field(deformer: Deformer, tmp_path: Path)
     deformer.add(5, translation=(0, -0.3, 0.1), bend=30)
     rig, said = export(deformer, "rig", "chair.glb", tmp_path)
     assert "a skin has no bends and twists" in said
-    assert "skins" in header_of(rig)
+    assert "skins" in header_and_data(rig)[0]
     morph, _ = export(deformer, "morph", "chair.glb", tmp_path)
     assert b'"targets"' in morph.read_bytes()
     with np.load(export(deformer, "weights", "chair.glb", tmp_path)[0]) as arrays:
@@ -60,7 +51,7 @@ def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> No
     poses = [dfd.KeyPose(0, {}, "a"), dfd.KeyPose(2, {handle: Transform((0, 0.5, 0))}, "b")]
     deformer.set_poses(poses)
     path, _ = export(deformer, "animation", "chair.glb", tmp_path)
-    header = header_of(path)
+    header = header_and_data(path)[0]
     inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
     assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
     for wrong, message in ((poses[:1], "^Store at least two poses"), ([poses[0]] * 2, "one after the other in time")):

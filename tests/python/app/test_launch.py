@@ -1,7 +1,5 @@
 """Test the command and the notebook. The command prints one line: the page's address, or an error with a remedy."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -91,7 +89,6 @@ def test_the_command_prints_an_address_serves_it_and_leaves_nothing(
     arguments = [sys.executable, "-c", PROGRAM, str(static), str(shape.mesh), str(shape.field)]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment)
-    assert process.stdout is not None
     with process, process.stdout:
         line = process.stdout.readline()
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32,}\n", line)

@@ -1,7 +1,5 @@
 """Test marks: points of the surface that must arrive at targets, by moving handles."""
 
-from __future__ import annotations
-
 import numpy as np
 from app_page import Page
 

@@ -1,7 +1,5 @@
 """Test the files that a page uploads to the real server."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -37,7 +35,6 @@ def test_what_is_no_longer_open_is_deleted(app: RunningApp, new_page: Page, shap
         page.until(lambda message, name=name: message["type"] == "mesh" and message["name"] == name)
         page.alive()
     tab = app.sessions.find(page.session)
-    assert tab is not None
     (kept,) = tab.folder.iterdir()
     page.upload({"third.glb": b"no mesh"})
     page.until(lambda message: message["type"] == "failure")

@@ -1,7 +1,5 @@
 """Test that requests have the fields of their handlers' signatures, and the layout of binary messages."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

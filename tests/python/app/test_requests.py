@@ -1,7 +1,5 @@
 """Test the requests of a page on the real server."""
 
-from __future__ import annotations
-
 import base64
 import json
 import threading
@@ -426,15 +424,6 @@ def test_proposals_show_the_shape_as_their_controls_would_pose_it(page: Page) ->
         np.testing.assert_allclose(answer["arrays"][f"positions{number}"], taken, atol=1e-6)
         assert np.abs(taken - now).max() > 1e-3, "a proposal that changes nothing is no proposal"
         page.ask("undo")
-
-
-def test_the_steps_of_a_ladder_differ_in_words(page: Page) -> None:
-    for vertex in (5, 40, 200):
-        steps = page.ask("ladder", vertex=vertex)["steps"]
-        assert len({each["text"] for each in steps}) == len(steps)
-        assert all(0 < each["share"] <= 1 and each["alike"] >= 1 for each in steps)
-        shares = [each["share"] for each in steps]
-        assert shares[0] < shares[-1] or len(steps) == 1
 
 
 def test_shares_get_more_digits_only_where_words_are_the_same() -> None:

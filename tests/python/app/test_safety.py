@@ -1,7 +1,5 @@
 """Test that the guard accepts requests only from the page of this server, over HTTP and WebSocket."""
 
-from __future__ import annotations
-
 import pytest
 from starlette.applications import Starlette
 from starlette.middleware import Middleware

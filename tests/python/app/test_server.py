@@ -1,7 +1,5 @@
 """Test the real server: its files, whose requests it accepts, and requests that must not end it."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Test the names of undo steps, and the ladder of parts at a vertex."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,6 @@ import dfd
 from dfd.app.options import SessionOptions
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.requests import probed
-from dfd.app.session.state import short_drag
 from dfd.app.session.steps import MOST_LISTED, Steps
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit
@@ -108,17 +105,6 @@ def test_a_handle_is_added_at_the_level_that_the_page_showed(page: Page, deforme
 
 def _levels(page: Page, vertex: int) -> list[int]:
     return [int(step["level"]) for step in page.ask("ladder", vertex=vertex)["steps"]]
-
-
-def test_a_part_at_rest_has_the_weights_of_a_drag(page: Page, deformer: Deformer) -> None:
-    page.hold(5)
-    shown = page.last("columns")["arrays"]["values"].max(axis=0) / 65535
-    expected = probed(deformer, 5)
-    np.testing.assert_allclose(shown, expected, atol=0.02)
-    handle = deformer.add(5)
-    assert np.abs(deformer.weights[:, 0] - expected).max() > 0.2, "the weights at rest have a narrower border"
-    deformer.move(handle, translation=short_drag(deformer.mesh)[:, 3])
-    np.testing.assert_allclose(deformer.weights[:, 0], shown, atol=0.02)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Test that sessions continue after reloads, are independent, and share the data of one shape."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -16,14 +14,12 @@ from dfd.app.web.tab import OPENED_ELSEWHERE, SESSION_ENDED
 
 def session_of(page: Page) -> Session:
     tab = page.app.sessions.find(page.session)
-    assert tab is not None
     return tab.session
 
 
 def leave(page: Page) -> None:
     """Close the page, and wait until the server has noticed."""
     tab = page.app.sessions.find(page.session)
-    assert tab is not None
     page.close()
     while tab.outbox is not None:
         time.sleep(0.01)

@@ -1,7 +1,5 @@
 """Test what the start page does with kept edits: pictures, names, copies, deleting, and samples without an edit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -84,28 +82,3 @@ def test_an_open_edit_is_not_deleted_and_a_deleted_one_is_gone_after_an_hour(
     recent(page, "delete_kept", key=second["key"])
     assert page.ask("restore_kept", key=first["key"])["type"] == "failure"
     assert [each.name for each in (tmp_path / "edits").glob("*.deleted")] == [f"{second['key']}.deleted"]
-
-
-@pytest.mark.processes
-def test_a_sample_opens_without_its_edit_which_stays_in_the_list(edited: Page) -> None:
-    page = edited
-    page.ask("close_mesh")
-    page.ask("open_sample", name="chair")
-    assert page.alive()["handles"] == []
-    (kept,) = recent(page)
-    assert kept["handles"] == 1
-    page.ask("open_recent", key=kept["key"])
-    assert page.alive()["handles"][0]["translation"] == [0, -0.3, 0]
-
-
-@pytest.mark.processes
-def test_starting_fresh_keeps_the_edit_and_can_be_undone(edited: Page) -> None:
-    page = edited
-    page.ask("start_fresh")
-    state = page.last("state")
-    assert (state["handles"], state["can_undo"]) == ([], True)
-    page.ask("undo")
-    assert len(page.last("state")["handles"]) == 1
-    page.ask("redo")
-    page.until(lambda each: each["type"] == "saved" and each["saved"])
-    assert sorted(each["handles"] for each in recent(page)) == [0, 1]

@@ -1,7 +1,5 @@
 """Test that the page receives every triangle of the mesh, with the materials and normals of its file."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

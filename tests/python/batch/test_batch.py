@@ -1,7 +1,5 @@
 """Test whole batches: good and bad shapes, resumption, and the reports of Ray about processes that ended."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

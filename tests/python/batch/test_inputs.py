@@ -1,7 +1,5 @@
 """Test which shapes a command line or a manifest names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Test the transfer of an edit to other shapes of its class."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -4,8 +4,6 @@ Four posts stand on the table, which have the shape of its legs. The true featur
 feet look alike, and the posts do not. A foot's weight falls from 1 at the ground to 0 at the top.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -48,12 +46,6 @@ def true(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rows on a circle: the angle is 0° at the ground, 60° and 90° on both sides of the top, and 150° above."""
     angle = np.radians(np.interp(places[:, 1], [0.0, 0.47, 0.53, 1.0], [0.0, 60.0, 90.0, 150.0]))
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
-def noise(seed: int) -> Function:
-    """Return a function whose rows are random and unrelated, however near two positions are."""
-    mixed = np.random.default_rng(seed).normal(size=(3, 16)) * 1e4
-    return lambda places: np.modf(np.sin(places @ mixed + 1.7) * 43_758.5)[0]
 
 
 def smooth(seed: int, spread: float = 3.0) -> Function:

@@ -1,7 +1,5 @@
 """Test the tables for labelled shapes, the average precision by values computed by hand, and the reader of rigs."""
 
-from __future__ import annotations
-
 import csv
 from unittest import mock
 

@@ -89,19 +89,6 @@ def test_the_whole_shape_holds_too_much(folder):
     assert found["alone"] < 0.6
 
 
-def test_labels_with_numbers_are_one_label(folder):
-    (shape,) = alike.alike_shapes(folder)
-    assert len(np.unique(shape.of_face)) == len(dfd.samples.chair(4_000).parts)
-    renamed = folder / "Chair" / "1_labels.txt"
-    text = renamed.read_text()
-    try:
-        renamed.write_text("".join(f"part{i}\n{line}\n" for i, line in enumerate(text.splitlines()[1::2])))
-        (merged,) = alike.alike_shapes(folder)
-    finally:
-        renamed.write_text(text)
-    assert np.unique(merged.of_face).tolist() == [0]
-
-
 def test_the_bench_writes_a_table_of_who_follows(folder, tmp_path):
     with mock.patch.object(dfd, "distill", lambda mesh, encoder, **_: field_of(mesh)):
         main(["alike", str(folder), "--output", str(tmp_path)])

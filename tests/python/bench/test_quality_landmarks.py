@@ -1,7 +1,5 @@
 """Test the comparison of corresponding vertices with landmarks, and the distance of two cuts."""
 
-from __future__ import annotations
-
 from unittest import mock
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test the tables of speed on small shapes, with few repetitions of each call."""
 
-from __future__ import annotations
-
 import bench.speed.__main__ as speed
 from bench.speed import measure, session
 from bench.speed.made_input import mirrored_field

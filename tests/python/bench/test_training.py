@@ -1,7 +1,5 @@
 """Test the commands that learn the metric, the up probe and the constants of agreement, and their reports."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_rig import two_legs

@@ -1,7 +1,5 @@
 """Test `dfd batch`: its errors before it writes a file, and its messages."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -92,11 +92,6 @@ def test_control_characters_of_names_do_not_reach_the_terminal(run, chair):
     assert "\x1b" not in result.output
 
 
-def test_unknown_commands_are_refused(run):
-    assert failed(run("deforme"), "No such command 'deforme'")
-    assert failed(run("deforme"), "(see dfd --help)")
-
-
 def dfd_process(*arguments, module=False, **options):
     how = ["-m", "dfd"] if module else ["-c", HEED]
     return subprocess.Popen(

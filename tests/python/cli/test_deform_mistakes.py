@@ -19,16 +19,10 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--translate", 0, 0, 1, "--handle", 1), "`--translate` must follow the `--handle` to which it belongs"),
         (("--handle", 1, "--encoder", "dinov9"), "`--encoder` must be a folder that exists, a hub name"),
         (("--handle", 1, "--band", 0.1), "`--symmetry-…` need `--symmetry`"),
-        (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry-…` need `--symmetry`"),
         (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
         (("--handle", "bottum"), "got 'bottum'; did you mean bottom?"),
-        (("--handle", 10**6), "`--handle` must lie in 0 … 2003, got 1000000"),
         (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
-        (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
-        (("--handle", 1, "--translate", 0, "up", 0), "--translate"),
-        (("--handle", 1, "--translate", "up"), "`--translate` needs 3 numbers, got up"),
         (("--handle", 1, "--rotate", "90deg"), "`--rotate` needs 3 numbers, got 90deg"),
-        (("--handle", 1, "--scale", "big"), "`--scale` needs 1 or 3 numbers, got big"),
         (("--fix", 1, "--mask-feather", 1), "`--handle` must be given with `--mask-feather`"),
         (("--handle", 1, "--translate", 0, "5cm", 0), "`--translate` needs 3 numbers, got 1: 0, and 5cm is no number"),
         (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
@@ -38,19 +32,14 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
             "`--translate` needs 3 numbers, got 1: 0, and -5cm is no number",
         ),
         (("--handle", 1, "--handle", 2, "--scale", 0), "`--scale` must not be 0"),
-        (("--handle", 1, "--scale", 1, 0, 1), "`--scale` must not be 0"),
         (("--handle", 1, "--scale", 1, 2), "`--scale` needs 1 or 3 numbers, got 2: 1 2"),
-        (("--handle", 1, "--scale", "1,2"), "`--scale` must be one number or 3"),
         (("--handle", 1, "--scale"), "`--scale` needs 1 or 3 numbers, got none"),
         (("--handle", 1, "--radius", "far"), "`--radius` must be a length or a percentage such as 20%, got 'far'"),
         (("--handle", 1, "--radius", 1, "--locality", 1), "`--radius` and `--locality` must not be given both"),
         (("--handle", 1, "--zoom", 0), "'--zoom'"),
-        (("--handle", 1, "--symmetry", "w"), "`--symmetry` must have the form x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         (("--handle", 1, "--symmetry", "x=50"), "`--symmetry` must cut the shape"),
         (("--handle", 1, "--symmetry", "x", "--symmetry-candidates", "axes"), "`--symmetry` is 'auto', got 'x'"),
         (("--handle", 1, "--preset", "mine"), "'mine' is not one of 'default', 'paper'"),
-        (("--edit", "none.json"), "`--edit`: none.json does not exist or is no file"),
-        (("--handel", 1), "No such option: --handel"),
         (("--handel", 1), "(see dfd deform --help)"),
     ],
 )
@@ -100,12 +89,6 @@ def test_folders_and_formats_of_other_programs_get_advice(run, chair, command):
         run(name, ".", *rest), "`MESH` must be a file, but . is a folder: name one mesh in it, such as one.ply"
     )
     assert failed(run(name, "shape.FBX", *rest), "got shape.FBX: convert it to GLB, for example in Blender")
-
-
-@pytest.mark.parametrize("words", [("--rotate", 90), ("--translate", 90)])
-def test_an_option_after_too_few_numbers_is_no_number(run, words):
-    result = run("deform", "MESH", "--handle", 1, *words, "-o", "out.obj")
-    assert result.stderr == f"dfd: `{words[0]}` needs 3 numbers, got 1: 90\n"
 
 
 def test_deform_wants_something_to_write(run):

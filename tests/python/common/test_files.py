@@ -1,7 +1,5 @@
 """Tests of atomic writes: after an error, the old file is unchanged and no temporary file is left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat
@@ -15,7 +13,7 @@ import pytest
 from dfd.common.files import atomic_write, cache_directory, write_file
 
 
-def test_a_file_is_replaced_and_keeps_its_mode(tmp_path: Path) -> None:
+def test_a_file_is_replaced_and_keeps_its_mode(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("old")
     path.chmod(0o640)
@@ -25,11 +23,11 @@ def test_a_file_is_replaced_and_keeps_its_mode(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("old")
 
-    def fail() -> None:
+    def fail():
         with atomic_write(path) as temporary:
             temporary.write_text("half")
             raise RuntimeError
@@ -40,7 +38,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
+def test_a_symbolic_link_stays_one(tmp_path):
     real = tmp_path / "elsewhere" / "real.txt"
     real.parent.mkdir()
     real.write_text("old")
@@ -57,7 +55,7 @@ def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
         write_file(around, "new")
 
 
-def test_pipes_devices_and_folders_are_refused(tmp_path: Path) -> None:
+def test_pipes_devices_and_folders_are_refused(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     link = tmp_path / "null"
@@ -73,7 +71,7 @@ def test_pipes_devices_and_folders_are_refused(tmp_path: Path) -> None:
         write_file(tmp_path / "absent" / "notes.txt", "new")
 
 
-def test_a_later_write_deletes_the_old_temporary_file_of_a_killed_process(tmp_path: Path) -> None:
+def test_a_later_write_deletes_the_old_temporary_file_of_a_killed_process(tmp_path):
     path = tmp_path / "notes.txt"
     program = """
 import os, signal, sys
@@ -92,7 +90,7 @@ with atomic_write(sys.argv[1]) as temporary:
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_concurrent_writers_have_separate_temporary_files(tmp_path: Path) -> None:
+def test_concurrent_writers_have_separate_temporary_files(tmp_path):
     path = tmp_path / "notes.txt"
     with atomic_write(path) as first:
         first.write_text("first")
@@ -101,7 +99,7 @@ def test_concurrent_writers_have_separate_temporary_files(tmp_path: Path) -> Non
     assert path.read_text() == "first"
     failed: list[BaseException] = []
 
-    def write_often(content: str) -> None:
+    def write_often(content):
         try:
             for _ in range(30):
                 write_file(path, content)
@@ -118,7 +116,7 @@ def test_concurrent_writers_have_separate_temporary_files(tmp_path: Path) -> Non
     assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_an_environment_variable_sets_the_cache_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_environment_variable_sets_the_cache_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     assert cache_directory() == tmp_path / "cache"
     monkeypatch.setenv("DFD_CACHE", "~/somewhere")

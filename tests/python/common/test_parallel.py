@@ -1,9 +1,6 @@
 """Tests of work on several threads, with and without torch, and of errors in this work."""
 
-from __future__ import annotations
-
 import threading
-from collections.abc import Iterator
 
 import pytest
 import torch
@@ -14,10 +11,10 @@ from dfd.common.threads import beside
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_beside_raises_an_error_when_the_result_is_requested(threads: int) -> None:
+def test_beside_raises_an_error_when_the_result_is_requested(threads):
     dfd.set_num_threads(threads)
 
-    def work() -> None:
+    def work():
         raise ValueError("no ground")
 
     with beside(work) as result:
@@ -27,7 +24,7 @@ def test_beside_raises_an_error_when_the_result_is_requested(threads: int) -> No
 
 
 @pytest.fixture
-def _three_threads() -> Iterator[None]:
+def _three_threads():
     before = torch.get_num_threads()
     dfd.set_num_threads(3)
     torch.set_num_threads(2)
@@ -36,11 +33,11 @@ def _three_threads() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_three_threads")
-def test_each_thread_has_one_torch_thread_and_no_gradients() -> None:
+def test_each_thread_has_one_torch_thread_and_no_gradients():
     barrier = threading.Barrier(3, timeout=10)
     seen = set()
 
-    def work(begin: int, end: int) -> None:
+    def work(begin, end):
         barrier.wait()  # passes only if three calls of `work` run at the same time
         seen.add((threading.get_ident(), torch.get_num_threads(), torch.is_inference_mode_enabled()))
 
@@ -52,10 +49,10 @@ def test_each_thread_has_one_torch_thread_and_no_gradients() -> None:
 
 
 @pytest.mark.usefixtures("_three_threads")
-def test_an_error_ends_the_work_and_is_raised() -> None:
+def test_an_error_ends_the_work_and_is_raised():
     begun: list[int] = []
 
-    def work(begin: int, end: int) -> None:
+    def work(begin, end):
         begun.append(begin)
         if begin >= 10:
             raise ValueError("ten is too many")

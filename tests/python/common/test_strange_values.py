@@ -1,7 +1,5 @@
 """Tests that unusual or wrong values of public arguments raise a ValueError that names the argument."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,13 +1,10 @@
 """Tests of threads: equal results for all thread counts, one OpenMP runtime for torch and dfd, and work after forks."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import threadpoolctl
 
@@ -15,15 +12,6 @@ import dfd
 from dfd.common import openmp, threads
 
 linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch has another runtime on this system")
-
-
-def work(vertex_count=3001):
-    random = np.random.default_rng(0)
-    features = random.standard_normal((vertex_count, 48)).astype(np.float32) / 9
-    weights = dfd.bind(features, [1, 5, 9], fixed=[3])
-    vertices = random.standard_normal((vertex_count, 3)).astype(np.float32)
-    plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.5)
-    return weights, dfd.pose(vertices, weights, random.standard_normal((3, 3, 4)), symmetry=plane)
 
 
 def python(code, **environment):
@@ -35,17 +23,6 @@ def python(code, **environment):
         env={**os.environ, **environment},
         check=False,
     )
-
-
-def test_every_thread_count_gives_the_same_bits():
-    dfd.set_num_threads(1)
-    weights, posed = work()
-    for count in (2, 3, 7):
-        dfd.set_num_threads(count)
-        assert dfd.get_num_threads() == count
-        other_weights, other_posed = work()
-        np.testing.assert_array_equal(other_weights, weights)
-        np.testing.assert_array_equal(other_posed, posed)
 
 
 @pytest.mark.parametrize("count", [0, -1, 1.5, 2.0, float("nan"), "two", True, 10**9, 1 << 70])

@@ -1,7 +1,5 @@
 """The encoder that the tests of distillation share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,9 +1,6 @@
 """Test the learned metric: mapped targets, files, and the fields that are distilled with it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from dfd.distillation import metric as metrics
 from dfd.distillation.metric import FOLDER, Kinds, Metric, find_metric
 from dfd.distillation.targets import PointTargets, mean_distance, unit
 from dfd.distillation.thickness import BANDS
-from dfd.encoders.encode import Encoder
 
 NO_THICKNESS = np.zeros((BANDS, 3), np.float32)
 BANDS_OF_500 = np.zeros((500, BANDS), np.float32)
@@ -23,7 +19,7 @@ SMALL = {"views": 4, "resolution": 64, "steps": 20, "cache": False, "progress": 
 
 
 @pytest.fixture
-def metric(encoder: Encoder) -> Metric:
+def metric(encoder):
     """Return a metric that keeps the first three of sixteen numbers, and multiplies the third by four."""
     settings = encoder.settings()
     directions = np.eye(16, 3, dtype=np.float32) * np.array([1, 1, 4], np.float32)
@@ -31,25 +27,25 @@ def metric(encoder: Encoder) -> Metric:
 
 
 @pytest.fixture
-def features() -> np.ndarray:
+def features():
     rows = np.random.default_rng(0).normal(size=(500, 16)) + 2
     return unit(rows.astype(np.float32))
 
 
 @pytest.fixture
-def kinds() -> Kinds:
+def kinds():
     generator = np.random.default_rng(3)
     hidden, output = generator.normal(size=(16, 8)), generator.normal(size=(8, 5))
     numbers = (hidden, generator.normal(size=8), output, generator.normal(size=5))
     return Kinds(*(each.astype(np.float32) for each in numbers))
 
 
-def distance(rows: np.ndarray) -> float:
+def distance(rows):
     one, other = np.random.default_rng(1).integers(0, len(rows), (2, 20_000))
     return mean_distance(rows[one], rows[other])
 
 
-def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, features: np.ndarray) -> None:
+def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric, features):
     before = features.copy()
     rows = metric.mapped(features, BANDS_OF_500, np.random.default_rng(0))
     assert rows.shape == (500, 3)
@@ -58,7 +54,7 @@ def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, f
     np.testing.assert_array_equal(features, before)
 
 
-def test_targets_in_principal_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
+def test_targets_in_principal_directions_are_mapped_as_features(metric, features):
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
     points = np.zeros((500, 3), np.float32)
     face = np.arange(500)
@@ -71,7 +67,7 @@ def test_targets_in_principal_directions_are_mapped_as_features(metric: Metric, 
     assert direct.face is face
 
 
-def test_thickness_separates_equal_features(metric: Metric, features: np.ndarray) -> None:
+def test_thickness_separates_equal_features(metric, features):
     thick, twice = np.zeros((1000, BANDS), np.float32), np.concatenate([features, features])
     thick[:500, 4], thick[500:, 15] = 1, 1
     told = NO_THICKNESS.copy()
@@ -84,7 +80,7 @@ def test_thickness_separates_equal_features(metric: Metric, features: np.ndarray
     assert mean_distance(after[:500], after[500:]) > distance(after)
 
 
-def test_kinds_equal_those_of_the_slow_reference(kinds: Kinds, features: np.ndarray) -> None:
+def test_kinds_equal_those_of_the_slow_reference(kinds, features):
     before = features.copy()
     rows = kinds.root_probabilities(features, features.mean(axis=0))
     arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
@@ -94,13 +90,13 @@ def test_kinds_equal_those_of_the_slow_reference(kinds: Kinds, features: np.ndar
     np.testing.assert_array_equal(features, before)
 
 
-def test_equal_rows_stay_finite(metric: Metric, kinds: Kinds) -> None:
+def test_equal_rows_stay_finite(metric, kinds):
     for some in (metric, replace(metric, kinds=kinds)):
         rows = some.mapped(np.full((4, 16), 0.25, np.float32), BANDS_OF_500[:4], np.random.default_rng(0))
         assert np.isfinite(rows).all()
 
 
-def test_a_file_keeps_the_kinds(metric: Metric, kinds: Kinds, features: np.ndarray, tmp_path: Path) -> None:
+def test_a_file_keeps_the_kinds(metric, kinds, features, tmp_path):
     both = replace(metric, kinds=kinds)
     both.save(tmp_path / "metric.safetensors")
     again = Metric.load(tmp_path / "metric.safetensors")
@@ -110,7 +106,7 @@ def test_a_file_keeps_the_kinds(metric: Metric, kinds: Kinds, features: np.ndarr
     np.testing.assert_array_equal(*rows)
 
 
-def test_damaged_metrics_are_refused(metric: Metric, tmp_path: Path) -> None:
+def test_damaged_metrics_are_refused(metric, tmp_path):
     path = tmp_path / "metric.safetensors"
     metric.save(path)
     path.write_bytes(path.read_bytes()[:-10])
@@ -134,7 +130,7 @@ def test_damaged_metrics_are_refused(metric: Metric, tmp_path: Path) -> None:
         Metric.load(tmp_path / "none.safetensors")
 
 
-def test_the_packages_metrics_have_at_most_64_numbers() -> None:
+def test_the_packages_metrics_have_at_most_64_numbers():
     found = [Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
     assert found
     for each in found:
@@ -142,9 +138,7 @@ def test_the_packages_metrics_have_at_most_64_numbers() -> None:
         assert each.directions.shape[1] + kinds <= 64
 
 
-def test_distill_uses_the_metric_of_the_encoder(
-    metric: Metric, encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_distill_uses_the_metric_of_the_encoder(metric, encoder, tmp_path, monkeypatch, caplog):
     mesh = dfd.samples.chair(4000).mesh
     monkeypatch.setattr(metrics, "FOLDER", tmp_path)
     assert find_metric(encoder) is None

@@ -1,8 +1,5 @@
 """Test `preset="paper"`: the distillation follows the paper, and the field records its settings."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,27 +20,27 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture
-def encoder(tmp_path: Path) -> Path:
+def encoder(tmp_path):
     return save_tiny_encoder(tmp_path / "tiny")
 
 
-def test_the_distillation_follows_the_settings_of_the_paper(encoder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_distillation_follows_the_settings_of_the_paper(encoder, monkeypatch):
     seen: dict[str, Any] = {"drawn": [], "rates": []}
     render, encode, at, step = algorithm.render, Encoder.encode, PixelTargets.at, Adam.step
 
-    def rendering(mesh: dfd.Mesh, **given: Any) -> Any:
+    def rendering(mesh, **given):
         seen["views"] = render(mesh, **given)
         return seen["views"]
 
-    def encoding(self: Encoder, images: Any, **given: Any) -> Any:
+    def encoding(self, images, **given):
         seen["foreground_only"] = self.foreground_only
         return encode(self, images, **given)
 
-    def choosing(self: PixelTargets, chosen: torch.Tensor) -> Any:
+    def choosing(self, chosen):
         seen["drawn"].append(chosen)
         return at(self, chosen)
 
-    def stepping(self: Adam, gradients: Any, rate: float, momentum: float) -> None:
+    def stepping(self, gradients, rate, momentum):
         seen["rates"].append(rate)
         step(self, gradients, rate, momentum)
 
@@ -83,7 +80,7 @@ def test_the_distillation_follows_the_settings_of_the_paper(encoder: Path, monke
 
 
 @pytest.fixture
-def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_pictures(monkeypatch):
     """Render small pictures, whose side is no multiple of the encoder's patches, although the settings say 512."""
     render = algorithm.render
     monkeypatch.setattr(algorithm, "render", lambda mesh, **given: render(mesh, **{**given, "resolution": 34}))
@@ -91,7 +88,7 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.filterwarnings("error")  # also of the warnings that the settings of pytest ignore
-def test_the_preset_for_both_halves_gives_no_warning(encoder: Path, tmp_path: Path) -> None:
+def test_the_preset_for_both_halves_gives_no_warning(encoder, tmp_path):
     mesh = dfd.samples.chair(4000).mesh
     field = dfd.distill(mesh, encoder, preset="paper", device="cpu", progress=False, cache=False)
     field.save(tmp_path / "chair.field.safetensors")
@@ -103,14 +100,14 @@ def test_the_preset_for_both_halves_gives_no_warning(encoder: Path, tmp_path: Pa
 
 @pytest.mark.usefixtures("small_pictures")
 @pytest.mark.parametrize("changed", [{"epochs": 1}, {"block": 2}])
-def test_a_session_warns_of_the_settings_that_differ(encoder: Path, changed: dict[str, int]) -> None:
+def test_a_session_warns_of_the_settings_that_differ(encoder, changed):
     mesh, how = dfd.samples.chair(4000).mesh, {"device": "cpu", "progress": False, "cache": False}
     made = dfd.distill(mesh, encoder, preset="paper", **how, **changed)
     with pytest.warns(UserWarning, match=f"the field was distilled with other settings: {next(iter(changed))}; "):
         dfd.Deformer(mesh, made, preset="paper")
 
 
-def test_a_loaded_encoder_that_contradicts_the_settings_is_refused(encoder: Path) -> None:
+def test_a_loaded_encoder_that_contradicts_the_settings_is_refused(encoder):
     mesh, how = dfd.samples.chair(4000).mesh, {"progress": False, "cache": False, "device": "cpu"}
     loaded = load_encoder(encoder, device="cpu")
     with pytest.raises(ValueError, match="`background` must be False for this loaded encoder"):
@@ -119,7 +116,7 @@ def test_a_loaded_encoder_that_contradicts_the_settings_is_refused(encoder: Path
         dfd.distill(mesh, loaded, block=2, **how)
 
 
-def test_the_given_block_is_used(encoder: Path) -> None:
+def test_the_given_block_is_used(encoder):
     mesh, how = dfd.samples.chair(4000).mesh, {"progress": False, "cache": False, "device": "cpu"}
     field = dfd.distill(mesh, encoder, block=2, steps=2, batch=8, views=2, resolution=32, smoothing=0, **how)
     assert (field.settings["block"], field.settings["encoder_block"], field.settings["background"]) == (2, 2, False)

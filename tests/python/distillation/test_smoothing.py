@@ -1,28 +1,23 @@
 """Test the smoothing of features: its energy, components close together, hidden components and mirror links."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd import Mesh
 from dfd.common.progress import Stages
 from dfd.distillation import smoothing
-from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.distillation.targets import PixelTargets
 from dfd.geometry.topology import face_areas, sample_surface
-from dfd.views.render import Views, render
+from dfd.views.render import render
 
 
-def views_of(mesh: Mesh) -> Views:
+def views_of(mesh):
     return render(mesh, views=8, resolution=64)
 
 
-def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
+def colored(views, color):
     """Return targets that are the `color` (P, D) of each surface point, as if every pixel were a patch."""
     count, size = views.images.shape[:2]
     tokens = np.ones((count, size, size, color.shape[1]), np.float32)
@@ -30,18 +25,18 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
     return PixelTargets(views, tokens)
 
 
-def smooth(views: Views, pixels: PixelTargets, **how: Any) -> PointTargets:
+def smooth(views, pixels, **how):
     problem = smoothing.build_diffusion(views, pixels.grid, **how)
     return smoothing.smooth_along_surface(pixels, problem, stages=Stages(show=False))
 
 
-def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def spread(views, pixels, **how):
     """Return the points and their smooth features (N, D)."""
     targets = smooth(views, pixels, **how)
     return targets.points, targets.features
 
 
-def two_sheets(gap: float) -> Mesh:
+def two_sheets(gap):
     grid = trimesh.creation.box((1, 0.01, 1)).subdivide().subdivide()
     other = grid.copy().apply_translation((0, gap, 0))
     both = trimesh.util.concatenate([grid, other])
@@ -49,7 +44,7 @@ def two_sheets(gap: float) -> Mesh:
 
 
 @pytest.mark.parametrize("gradient", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.8)])
-def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[float, float, float]) -> None:
+def test_the_energy_is_the_integral_of_the_squared_gradient(gradient):
     # On the unit sphere, the function f(p) = g · p has ∫ ‖∇f‖² = 8π/3 · ‖g‖².
     sphere = trimesh.creation.icosphere(subdivisions=4)
     points, _ = sample_surface(sphere.vertices, sphere.faces.astype(np.int32), 8000, np.random.default_rng(0))
@@ -61,7 +56,7 @@ def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[floa
     assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
 
 
-def test_sheets_close_together_do_not_mix() -> None:
+def test_sheets_close_together_do_not_mix():
     views = views_of(two_sheets(0.04))
     upper = views.points[:, 1] > 0
     color = np.stack([upper, ~upper], axis=1)
@@ -71,7 +66,7 @@ def test_sheets_close_together_do_not_mix() -> None:
     assert share[points[:, 1] < 0].mean() < 0.1
 
 
-def test_hidden_components_get_the_features_of_near_components() -> None:
+def test_hidden_components_get_the_features_of_near_components():
     shell, core = trimesh.creation.icosphere(radius=1.0), trimesh.creation.icosphere(radius=0.9)
     both = trimesh.util.concatenate([shell, core])
     views = views_of(Mesh(both.vertices, both.faces))
@@ -83,7 +78,7 @@ def test_hidden_components_get_the_features_of_near_components() -> None:
     assert ((targets[far, 0] > targets[far, 1]) == (points[far, 0] > 0)).mean() > 0.95
 
 
-def test_targets_are_unit_and_the_same_twice() -> None:
+def test_targets_are_unit_and_the_same_twice():
     views = views_of(two_sheets(0.5))
     pixels = colored(views, np.abs(views.points) + 0.1)
     points, targets = spread(views, pixels, smoothing=0.2, seed=3)
@@ -93,7 +88,7 @@ def test_targets_are_unit_and_the_same_twice() -> None:
     np.testing.assert_array_equal(targets, again[1])
 
 
-def test_smoothing_makes_neighbors_similar_and_keeps_the_mean_distance() -> None:
+def test_smoothing_makes_neighbors_similar_and_keeps_the_mean_distance():
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
     pixels = colored(views, noise)
@@ -110,12 +105,10 @@ def test_smoothing_makes_neighbors_similar_and_keeps_the_mean_distance() -> None
     assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
 
 
-def test_targets_have_components_if_there_are_several() -> None:
+def test_targets_have_components_if_there_are_several():
     gap = 0.4
     views = views_of(two_sheets(gap))
     targets = smooth(views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0)
-    assert targets.component is not None
-    assert targets.boxes is not None
     np.testing.assert_array_equal(targets.component, targets.points[:, 1] > 0)
     np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
     box = trimesh.creation.box((1, 1, 1))
@@ -125,7 +118,7 @@ def test_targets_have_components_if_there_are_several() -> None:
     assert alone.boxes is None
 
 
-def test_mirror_links_reduce_differences_between_sides() -> None:
+def test_mirror_links_reduce_differences_between_sides():
     views = views_of(two_sheets(0.5))
     right = views.points[:, 0] > 0
     base = np.column_stack([np.ones(len(right)), views.points[:, 1] > 0, np.zeros(len(right))]).astype(float)

@@ -1,7 +1,5 @@
 """Test the targets of the fit: interpolation of tokens, unit length, and means over groups."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from dfd.views.render import Views
 
 
 @pytest.fixture
-def views() -> Views:
+def views():
     """Return four points in two pictures of 8 × 8 pixels; each picture has a grid of 2 × 2 tokens."""
     return Views(
         images=np.zeros((2, 8, 8, 3), np.uint8),
@@ -30,14 +28,14 @@ def views() -> Views:
 
 
 @pytest.fixture
-def tokens() -> np.ndarray:
+def tokens():
     return np.random.default_rng(0).normal(size=(2, 2, 2, 5)).astype(np.float32)
 
 
-def test_tokens_lie_at_patch_centers_and_are_interpolated_between(views: Views, tokens: np.ndarray) -> None:
+def test_tokens_lie_at_patch_centers_and_are_interpolated_between(views, tokens):
     targets = PixelTargets(views, tokens).rows(np.arange(4))
 
-    def unit(row: np.ndarray) -> np.ndarray:
+    def unit(row):
         return row / np.linalg.norm(row)
 
     np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # position 1.5 is the center of patch 0
@@ -46,7 +44,7 @@ def test_tokens_lie_at_patch_centers_and_are_interpolated_between(views: Views, 
     np.testing.assert_allclose(targets[3], unit(tokens[1, 1, 1]), atol=1e-6)
 
 
-def test_means_of_groups_are_means_of_unit_tokens(views: Views, tokens: np.ndarray) -> None:
+def test_means_of_groups_are_means_of_unit_tokens(views, tokens):
     pixels = PixelTargets(views, tokens)
     before = tokens.copy()
     mean = pixels.means_by(pixels.grid.means(np.array([0, 2, 3]), np.array([2, 0, 0]), 4))
@@ -57,7 +55,7 @@ def test_means_of_groups_are_means_of_unit_tokens(views: Views, tokens: np.ndarr
     assert not mean[[1, 3]].any()
 
 
-def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
+def test_means_are_the_same_on_any_number_of_threads(views):
     tokens = np.random.default_rng(0).normal(size=(2, 60, 60, 5)).astype(np.float32)
     pixels = PixelTargets(views, tokens)
     generator = np.random.default_rng(1)
@@ -70,7 +68,7 @@ def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
     np.testing.assert_array_equal(means[0], means[2])
 
 
-def test_squared_distances_side_by_side_are_weighted_means() -> None:
+def test_squared_distances_side_by_side_are_weighted_means():
     generator = np.random.default_rng(0)
     points = generator.normal(size=(50, 3)).astype(np.float32)
     angle = generator.normal(size=(2, 50))

@@ -1,13 +1,9 @@
 """Test thickness: known chords, bands on transformed copies, and numbers of threads."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -23,22 +19,22 @@ MEDIAN = (RAYS - 1) // 2
 IDENTITY = np.eye(3)
 
 
-def drawn(mesh: trimesh.Trimesh, count: int = 500) -> tuple[NDArray[np.float64], NDArray[np.int32], Any, Any]:
+def drawn(mesh, count=500):
     """Return vertices and faces of `mesh`, and random points with the face of each."""
     vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     points, face = sample_surface(vertices, faces, count, np.random.default_rng(0))
     return vertices, faces, points, face
 
 
-def flipped(faces: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
+def flipped(faces, chosen):
     return np.where(chosen[:, None], faces[:, [0, 2, 1]], faces)
 
 
-def thick(vertices: Any, faces: Any, points: Any, face: Any, piece: Any = None) -> NDArray[np.float64]:
+def thick(vertices, faces, points, face, piece=None):
     return thicknesses(Scene(vertices, faces), vertices[faces[face]], points, piece)
 
 
-def targets_of(mesh: dfd.Mesh, turn: Any = IDENTITY, count: int = 3000) -> tuple[Any, PointTargets]:
+def targets_of(mesh, turn=IDENTITY, count=3000):
     """Return the arguments of `thickness_bands` for `mesh`, rotated by `turn` after its points were drawn."""
     drawn_on = mesh.vertices / mesh.diagonal
     points, face = sample_surface(drawn_on, mesh.faces, count, np.random.default_rng(0))
@@ -51,19 +47,19 @@ def targets_of(mesh: dfd.Mesh, turn: Any = IDENTITY, count: int = 3000) -> tuple
     return views, PointTargets(points.astype(np.float32), np.ones((count, 1), np.float32), None, piece, face=face)
 
 
-def test_a_sphere_is_as_thick_as_its_chords() -> None:
+def test_a_sphere_is_as_thick_as_its_chords():
     found = thick(*drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5)))
     np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)  # a chord has the length 2 r cos(angle)
 
 
-def test_a_slab_is_as_thick_as_its_median_ray() -> None:
+def test_a_slab_is_as_thick_as_its_median_ray():
     vertices, faces, points, face = drawn(trimesh.creation.box((1.8, 0.1, 1.8)), 2000)
     found = thick(vertices, faces, points, face)
     middle = np.abs(points[:, [0, 2]]).max(axis=1) < 0.6
     np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
 
 
-def test_bands_increase_with_thickness_and_do_not_change_with_rotation_and_scale() -> None:
+def test_bands_increase_with_thickness_and_do_not_change_with_rotation_and_scale():
     sample = dfd.samples.quadruped(4000)
     views, targets = targets_of(sample.mesh)
     before = targets.points.copy()
@@ -83,7 +79,7 @@ def test_bands_increase_with_thickness_and_do_not_change_with_rotation_and_scale
     assert np.quantile(np.abs(copy - bands), 0.99) < 0.05
 
 
-def test_the_number_of_threads_does_not_change_bands() -> None:
+def test_the_number_of_threads_does_not_change_bands():
     views, targets = targets_of(dfd.samples.chair(4000).mesh)
     found = []
     for count in (1, 3):

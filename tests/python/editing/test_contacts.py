@@ -6,7 +6,7 @@ from made_field import field_of
 from made_tube import straight, tube
 
 import dfd
-from dfd.editing.weights.contacts import Contact, contacts_of, with_hanging
+from dfd.editing.weights.contacts import contacts_of, with_hanging
 from dfd.editing.weights.fill import band_for, filled, whole
 from dfd.editing.weights.held_part import hold
 from dfd.geometry.coarse import nodes_of
@@ -200,26 +200,6 @@ def test_a_pulled_wheel_draws_its_axle():
     np.testing.assert_allclose(moved[piece == 0], np.tile((0.3, 0, 0), (np.sum(piece == 0), 1)), atol=1e-6)
     assert session.report().loose == 0
     np.testing.assert_array_equal(moved[piece == 2], 0)
-
-
-def test_the_motion_of_a_contact_is_0_if_it_maps_onto_itself():
-    ring = 0.2 * np.stack([0 * np.arange(12), np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12) * np.pi / 6)], 1)
-    values, axes = np.linalg.eigh(ring.T @ ring / 12)
-    contact = Contact(np.array([1.0, 2, 3]), axes * np.sqrt(values.clip(0)) @ axes.T)
-    rest = np.eye(3, 4)
-
-    def motion(linear, shift=(0, 0, 0), default=rest):
-        linear = np.asarray(linear)
-        return contact.motion(np.column_stack([linear, contact.center - linear @ contact.center + shift]), default)
-
-    turned = rotation_matrix((50, 0, 0))
-    assert motion(turned)[0] == pytest.approx(0, abs=1e-7)
-    assert motion(turned)[1] == pytest.approx(2 * 0.2 * np.sin(np.radians(25)))
-    assert motion(np.eye(3), (0.1, 0, 0.2)) == pytest.approx([np.hypot(0.1, 0.2)] * 2)
-    tilted = motion(rotation_matrix((0, 40, 0)))
-    assert tilted[0] == pytest.approx(tilted[1])
-    assert motion(1.5 * np.eye(3)) == pytest.approx([0.1, 0.1])
-    assert motion(np.eye(3), (0, 3, 0), np.column_stack([np.eye(3), (0, 3, 0)])) == pytest.approx([0, 0])
 
 
 def test_what_touches_only_the_moved_part_moves_with_it():

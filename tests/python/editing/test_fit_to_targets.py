@@ -1,7 +1,5 @@
 """Test fits: vertices and scans arrive at their targets, and undetermined motions are named and stay small."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -8,7 +8,6 @@ from made_tube import AROUND, straight
 from scipy.sparse import csr_array
 from sheet import grid
 
-from dfd.editing.weights import contacts
 from dfd.editing.weights import held_part as module
 from dfd.editing.weights.axis_motions import _rising as rising
 from dfd.editing.weights.fill import Band, Component, band_of, weights_at
@@ -131,12 +130,6 @@ def test_components_that_touch_share_the_surface_between_them():
     np.testing.assert_array_equal(module._shares(apart[:1], component, 0, np.array([2.0])), 1)
 
 
-def test_a_band_covers_at_most_a_fifth_of_the_surface_outside():
-    area, inside, apart = np.ones(11), np.arange(11) == 0, np.arange(11.0)[::-1]
-    assert module._within_share(area, inside, apart) == 1.0  # the second of ten nodes
-    assert module._within_share(area, np.ones(11, bool), apart) == np.inf
-
-
 def test_distances_start_with_the_offset_of_their_source():
     line = csr_array((np.ones(4), (np.arange(4), np.arange(1, 5))), shape=(5, 5))
     found = module._distances(line + line.T, np.array([0, 4, 0]), np.array([0.5, 0.25, 0.3]), 1.4)
@@ -159,21 +152,6 @@ def test_smoothing_has_the_given_deviation_along_the_surface_and_keeps_straight_
     assert module._smoothed(grid, spike, 0.5, 2, 0.0) is spike
     holes = np.where(x > 1, np.inf, x)  # nodes of unknown depth do not change those beside them
     np.testing.assert_allclose(module._smoothed(grid, holes, -3.0, 0.85, 0.2)[x < 0.5], x[x < 0.5], atol=0.02)
-
-
-def test_a_box_along_the_principal_axes_decides_what_lies_inside_a_component():
-    """The component is a long bar far from the origin, along the diagonal of x and y."""
-    random = np.random.default_rng(0)
-    along, across = np.array([1.0, 1, 0]) / np.sqrt(2), np.array([1.0, -1, 0]) / np.sqrt(2)
-    start, sizes = np.array([30.0, -50, 10]), np.array([10.0, 2.0, 1.0])
-    axes = np.stack([along, across, (0, 0, 1)])
-    points = start + (sizes * random.uniform(-0.5, 0.5, (400, 3))) @ axes
-    others = np.array([(4.5, 0, 0), (5.5, 0, 0), (6.5, 0, 0), (0, 0.9, 0.45), (4, 1.5, 0), (0, 0, 0.8)])
-    for sign in (1, -1):
-        found = contacts._in_box(points, start + sign * others @ axes)
-        assert found.tolist() == [True, True, False, True, False, False]
-    for shift in np.eye(3):
-        assert contacts._in_box(points[:1], points[:1] + [0 * shift, shift, -shift]).tolist() == [True, False, False]
 
 
 def test_a_band_of_width_0_is_a_step():

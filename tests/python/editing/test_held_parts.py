@@ -4,8 +4,8 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from made_field import field_of
 from made_tube import AROUND, tube
+from test_contacts import joined, session_of
 
 import dfd
 from dfd.editing import verbs
@@ -30,20 +30,6 @@ def stalk(turn=0.0):
     return points, np.where(np.arange(len(points)) < 13, 0.5, 0.15)
 
 
-def joined(*meshes):
-    offsets = np.cumsum([0, *(len(each.vertices) for each in meshes)])
-    return dfd.Mesh(
-        np.concatenate([each.vertices for each in meshes]),
-        np.concatenate([each.faces + offset for each, offset in zip(meshes, offsets, strict=False)]),
-    )
-
-
-def session_of(mesh, labels, **how):
-    """Return a session in which the features of a vertex depend only on its label."""
-    features = np.eye(16, dtype=np.float32)[labels]
-    return dfd.Deformer(mesh, field_of(mesh), features=features, **how)
-
-
 @pytest.fixture
 def one():
     """Return a session with one stalk. Its tip is the last vertex."""
@@ -58,7 +44,7 @@ def pair():
     left = dfd.Mesh(left.vertices - (1.5, 0, 0), left.faces)
     right = dfd.Mesh(left.vertices * (-1, 1, 1), left.faces[:, ::-1])
     bar = tube(np.stack([np.linspace(-1.5, 1.5, 21), np.full(21, 0.3), np.zeros(21)], axis=1), 0.3)
-    mesh = joined(left, right, bar)
+    mesh, _ = joined(left, right, bar)
     labels = (mesh.vertices[:, 1] > HEIGHT + 0.01).astype(int)
     labels[len(left.vertices) * 2 :] = 0
     return session_of(mesh, labels), len(left.vertices)
@@ -224,14 +210,6 @@ def test_bending_towards_the_axis_raises_an_error(one):
     assert one.vertices[-1, 2] > 0.2
 
 
-def test_files_store_bends(one, tmp_path):
-    one.add(52 * AROUND, bend=50, towards="back", twist=15, joint=0.4, scale=1.2)
-    one.save(tmp_path / "edit.json")
-    again = dfd.Deformer.load(tmp_path / "edit.json", one.mesh, one.field, features=one.features)
-    assert again.edit == one.edit
-    np.testing.assert_array_equal(again.vertices, one.vertices)
-
-
 def test_opening_a_part_rotates_it_about_its_hinge(one):
     handle = one.add(30 * AROUND)
     one.open(handle, 20)
@@ -269,7 +247,7 @@ def test_counterparts_are_mirror_images_without_symmetry_of_the_whole_shape(pair
     rest = session.mesh.vertices
     bulk = tube(np.stack([np.full(9, 2.0), np.full(9, 1.0), np.linspace(3.0, 5.0, 9)], axis=1), 0.7)
     bar = tube(np.stack([np.linspace(0.0, 2.0, 9), np.linspace(0.3, 1.0, 9), np.linspace(0.0, 3.5, 9)], axis=1), 0.2)
-    whole = joined(session.mesh, bulk, bar)
+    whole, _ = joined(session.mesh, bulk, bar)
     labels = np.zeros(len(whole.vertices), int)
     labels[: 2 * count] = rest[: 2 * count, 1] > HEIGHT + 0.01
     turned = session_of(dfd.Mesh(whole.vertices @ turn.T, whole.faces), labels)

@@ -46,22 +46,10 @@ OWN = ["poses", 0, "transforms", 0]
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (set_at(["poses"], None), r"`poses` must be a list, got null"),
-        (set_at(["poses", 0], 7), r"`poses\[0\]` must be an object, got 7"),
         (set_at(["poses", 0, "seconds"], -1), r"`poses\[0\].seconds` must be at least 0, got -1"),
-        (set_at(["poses", 0, "seconds"], True), r"`poses\[0\].seconds` must be a finite number, got true"),
-        (
-            set_at(["poses", 0, "extra"], 1),
-            r"`poses\[0\].extra` is an unknown key; known are seconds, transforms, name",
-        ),
-        (set_at(["poses", 0, "name"], 5), r"`poses\[0\].name` must be a valid string, got 5"),
         (set_at([*OWN, "handle"], 9), r"`poses\[0\].transforms` must use handles of the edit \(1, 3\), got handle 9"),
-        (set_at([*OWN, "handle"], 1.5), r"`poses\[0\].transforms\[0\].handle` must be a whole number, got 1.5"),
-        (set_at([*OWN, "turn"], 1), r"`poses\[0\].transforms\[0\].turn` is an unknown key"),
         (set_at([*OWN, "axes"], [[1, 0, 0]] * 3), r"`poses\[0\].transforms\[0\].axes` must be 3 unit vectors"),
-        (set_at([*OWN, "joint"], 3), r"`poses\[0\].transforms\[0\].joint` must be at most 1, got 3"),
         (lambda document: document["poses"][0]["transforms"][0].pop("handle"), r"transforms\[0\].handle` is missing"),
-        (lambda document: document["poses"][0].pop("seconds"), r"`poses\[0\].seconds` is missing"),
         (
             lambda document: document["poses"][0]["transforms"].extend([{"handle": 3}] * 2),
             r"`poses\[0\].transforms` must have each handle once, got handle 3 twice",
@@ -95,7 +83,6 @@ def test_a_removed_handle_leaves_the_poses_and_undo_brings_it_back(edit, mesh, f
     ("arguments", "message"),
     [
         ((-1,), "KeyPose: `seconds` must be at least 0, got -1"),
-        (("soon",), "KeyPose: `seconds` must be a number"),
         ((0, [1]), "KeyPose: `transforms` must be a mapping, got list"),
         ((0, {"leg": Transform()}), "KeyPose: `transforms` must be a whole number, got 'leg'"),
         ((0, {1: (0, 1, 0)}), r"KeyPose: `transforms` must hold transforms or matrices \(3, 4\), got tuple"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_field import field_of
+from made_field import field_of, looks
 from prepared import sessions_on
 
 import dfd
@@ -144,18 +144,14 @@ def controls(random, size):
     return given
 
 
-@pytest.mark.parametrize("rounds", [3, pytest.param(167, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rounds", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_six_random_handles_arrive(rounds):
     sample = dfd.samples.quadruped(4000)
-    random = np.random.default_rng(0)
-    rows = random.normal(size=(len(sample.parts), 16))[sample.labels]
-    rows += 0.1 * random.normal(size=rows.shape)
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    fresh = sessions_on(sample.mesh, field_of(sample.mesh), rows.astype(np.float32))
+    fresh = sessions_on(sample.mesh, field_of(sample.mesh), looks(sample))
     missed = []
     for seed in range(rounds):
         random, session = np.random.default_rng(seed), fresh()
-        for at in random.choice(len(rows), 6, replace=False):
+        for at in random.choice(len(sample.labels), 6, replace=False):
             session.add(int(at), **controls(random, sample.mesh.diagonal))
         missed += [(seed, each.id, each.missing) for each in session.report().handles if not each.arrived]
     assert not missed

@@ -5,7 +5,6 @@ import pytest
 
 import dfd
 from dfd.editing.edit import Edit
-from dfd.posing.transforms import Transform
 
 # --- steps
 
@@ -34,26 +33,6 @@ def test_every_change_is_a_step(deformer):
         assert deformer.redo()
         np.testing.assert_array_equal(deformer.vertices, shape)
     assert not deformer.can_redo
-
-
-def test_a_drag_is_one_step(deformer):
-    handle = deformer.add(5)
-    deformer.move(handle, translation=(0, 0.1, 0))
-    for height in (0.2, 0.3, 0.4):
-        deformer.move(handle, translation=(0, height, 0), merge=True)
-    deformer.undo()
-    assert deformer.handle(handle).transform == Transform()
-    assert len(deformer.handles) == 1
-    deformer.redo()
-    assert deformer.handle(handle).transform.translation == (0, 0.4, 0)
-
-
-def test_drags_of_two_handles_are_two_steps(deformer):
-    first, second = deformer.add(5), deformer.add(6)
-    deformer.move(first, scale=2)
-    deformer.move(second, scale=3, merge=True)
-    deformer.undo()
-    assert deformer.handle(first).transform.scale == (2, 2, 2)
 
 
 def test_every_verb_can_join_the_step_before_about_the_same(deformer):
@@ -119,21 +98,3 @@ def test_a_session_goes_on_from_its_file(deformer, mesh, field, features, geodes
     assert not again.can_undo
     np.testing.assert_array_equal(again.vertices, deformer.vertices)
     assert again.add(7) not in [handle.id for handle in deformer.handles]
-
-
-def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
-    deformer.add(5, translation=(0, 0.2, 0), reach=0.7)
-    deformer.add(900, rotation=(0, 20, 0), reach=0.7)
-    deformer.fix(1500)
-    deformer.save(tmp_path / "edit.json")
-    # Divide each face into three; the new vertices come first.
-    centers = mesh.vertices[mesh.faces].mean(axis=1)
-    count = len(centers)
-    corners = mesh.faces + count
-    fans = [np.column_stack([corners[:, i], corners[:, i - 2], np.arange(count)]) for i in range(3)]
-    finer = dfd.Mesh(np.concatenate([centers, mesh.vertices]), np.concatenate(fans))
-    with pytest.warns(UserWarning, match="3 of the edit's vertices or sets of vertices are found by position"):
-        moved = dfd.Deformer.load(tmp_path / "edit.json", finer, field)
-    assert [handle.place.vertex for handle in moved.handles] == [None, None]
-    np.testing.assert_allclose(moved.vertices[count:], deformer.vertices, atol=1e-3 * mesh.diagonal)
-    assert np.abs(deformer.vertices - mesh.vertices).max() > 0.1

@@ -1,7 +1,5 @@
 """Fixtures that the tests of encoders share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,16 +1,11 @@
 """Test that DINOv2 in plain torch gives the tokens of the model in transformers, without importing transformers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 
 import pytest
 import safetensors.torch
 import torch
-from tiny_families import Saved
 
 from dfd.encoders.dinov2 import build_dinov2
 from dfd.encoders.sources import find_weights
@@ -19,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.mark.parametrize("size", [(32, 32), (48, 24), (16, 16)])  # the size of its position table, and two others
-def test_its_tokens_are_those_of_transformers(dinov2: Saved, size: tuple[int, int]) -> None:
+def test_its_tokens_are_those_of_transformers(dinov2, size):
     images = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():
         mine = build_dinov2(find_weights(dinov2.folder), None).tokens(images, None)
@@ -27,7 +22,7 @@ def test_its_tokens_are_those_of_transformers(dinov2: Saved, size: tuple[int, in
     torch.testing.assert_close(mine, wanted, atol=1e-5 * float(wanted.abs().max()), rtol=0)
 
 
-def test_pictures_of_other_lengths_do_not_mix(dinov2: Saved) -> None:
+def test_pictures_of_other_lengths_do_not_mix(dinov2):
     tokens = build_dinov2(find_weights(dinov2.folder), 2).tokens
     generator = torch.Generator().manual_seed(2)
     images = torch.randn(3, 3, 32, 32, generator=generator)
@@ -41,7 +36,7 @@ def test_pictures_of_other_lengths_do_not_mix(dinov2: Saved) -> None:
     assert (together[patches] != 0).all()
 
 
-def test_names_of_older_files_are_known(folder: Path) -> None:
+def test_names_of_older_files_are_known(folder):
     images = torch.randn(1, 3, 32, 32)
     with torch.no_grad():
         wanted = build_dinov2(find_weights(folder), None).tokens(images, None)
@@ -64,7 +59,7 @@ def test_names_of_older_files_are_known(folder: Path) -> None:
         assert torch.equal(build_dinov2(find_weights(folder), None).tokens(images, None), wanted)
 
 
-def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:
+def test_a_shape_is_distilled_without_transformers(folder):
     code = (
         "import sys\nimport dfd\nfrom dfd.encoders.encode import load_encoder\n"
         f"encoder = load_encoder({str(folder)!r}, device='cpu')\n"
@@ -78,7 +73,7 @@ def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("odd", [{"hidden_act": "relu"}, {"num_attention_heads": 3}, {"patch_size": [8, 8]}])
-def test_other_networks_are_refused(folder: Path, odd: dict[str, Any]) -> None:
+def test_other_networks_are_refused(folder, odd):
     weights = find_weights(folder)
     weights.config.update(odd)
     with pytest.raises(ValueError, match=f"config.json of a dinov2 model, got `{next(iter(odd))}`: "):

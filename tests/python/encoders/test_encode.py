@@ -1,13 +1,9 @@
 """Test the encoding of images: accepted and refused arguments, and the settings of an encoder."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
-from tiny_families import Saved, pictures
+from tiny_families import pictures
 
 import dfd
 import dfd.encoders.encode
@@ -16,7 +12,7 @@ from dfd.encoders.encode import Encoder, load_encoder
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def test_images_are_not_changed_and_results_repeat(dinov2: Saved) -> None:
+def test_images_are_not_changed_and_results_repeat(dinov2):
     images = pictures(3, 48)
     before = images.copy()
     encoder = load_encoder(dinov2.folder, device="cpu")
@@ -26,7 +22,7 @@ def test_images_are_not_changed_and_results_repeat(dinov2: Saved) -> None:
     assert np.array_equal(first, load_encoder(dinov2.folder, device="cpu").encode(images))
 
 
-def test_threads_do_not_show(dinov2: Saved) -> None:
+def test_threads_do_not_show(dinov2):
     images = pictures(5, 48)
     encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
     dfd.set_num_threads(1)
@@ -36,14 +32,14 @@ def test_threads_do_not_show(dinov2: Saved) -> None:
 
 
 @pytest.mark.parametrize(("given", "used"), [(50, 48), (52, 56), (3, 8)])
-def test_other_resolutions_are_resized(dinov2: Saved, given: int, used: int) -> None:
+def test_other_resolutions_are_resized(dinov2, given, used):
     encoder = load_encoder(dinov2.folder, device="cpu")
     assert encoder.nearest_resolution(given) == used
     tokens = encoder.encode(pictures(1, given))
     assert tokens.shape == (1, used // 8, used // 8, 16)
 
 
-def test_unknown_precision_and_device_are_refused(dinov2: Saved) -> None:
+def test_unknown_precision_and_device_are_refused(dinov2):
     with pytest.raises(ValueError, match="`precision` must be one of auto, float32, bfloat16, got 'half'"):
         load_encoder(dinov2.folder, precision="half")
     for device in ("abacus", "cuda:99"):
@@ -61,13 +57,13 @@ def test_unknown_precision_and_device_are_refused(dinov2: Saved) -> None:
         (np.zeros((1, 32, 40, 3), np.uint8), "square, got 40 × 32"),
     ],
 )
-def test_images_that_are_no_pictures_are_refused(dinov2: Saved, images: np.ndarray, found: str) -> None:
+def test_images_that_are_no_pictures_are_refused(dinov2, images, found):
     encoder = load_encoder(dinov2.folder, device="cpu")
     with pytest.raises(ValueError, match=f"encode: `images` must be .*{found}"):
         encoder.encode(images)
 
 
-def test_tokens_that_are_not_finite_are_refused(dinov2: Saved) -> None:
+def test_tokens_that_are_not_finite_are_refused(dinov2):
     encoder = load_encoder(dinov2.folder, device="cpu")
     with torch.no_grad():
         encoder._model.network.layernorm.bias[3] = torch.nan
@@ -76,10 +72,8 @@ def test_tokens_that_are_not_finite_are_refused(dinov2: Saved) -> None:
 
 
 @pytest.mark.parametrize("error", [torch.cuda.OutOfMemoryError(), RuntimeError("can't allocate memory: you tried")])
-def test_too_little_memory_for_one_image_says_what_to_lower(
-    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, error: RuntimeError
-) -> None:
-    def fail(*_: Any, **__: Any) -> np.ndarray:
+def test_too_little_memory_for_one_image_says_what_to_lower(dinov2, monkeypatch, error):
+    def fail(*_, **__):
         raise error
 
     monkeypatch.setattr(Encoder, "_forward", fail)

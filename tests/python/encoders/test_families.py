@@ -1,15 +1,11 @@
 """Test encoders of every family, loaded from tiny networks with random weights."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from tiny_families import CASES, Saved, normalized, pictures
+from tiny_families import CASES, normalized, pictures
 
 from dfd.encoders.encode import load_encoder
 
@@ -17,7 +13,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_tokens_are_the_hidden_states_of_the_whole_model(name: str, saved: Callable[[str], Saved]) -> None:
+def test_tokens_are_the_hidden_states_of_the_whole_model(name, saved):
     one = saved(name)
     images = pictures(2, one.case.size)
     for block, patch in ((None, one.case.patch), (one.case.early, one.case.early_patch)):
@@ -34,14 +30,14 @@ def test_tokens_are_the_hidden_states_of_the_whole_model(name: str, saved: Calla
     assert load_encoder(one.folder, device="cpu").dimension == one.case.dimension
 
 
-def test_networks_of_one_size_get_it(saved: Callable[[str], Saved]) -> None:
+def test_networks_of_one_size_get_it(saved):
     encoder = load_encoder(saved("sam").folder, device="cpu")
     assert encoder.nearest_resolution(518) == 64
     assert encoder.encode(pictures(1, 40)).shape == (1, 4, 4, 8)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_bfloat16_stays_close_to_float32(name: str, saved: Callable[[str], Saved]) -> None:
+def test_bfloat16_stays_close_to_float32(name, saved):
     one = saved(name)
     images = pictures(2, one.case.size)
     full = load_encoder(one.folder, device="cpu", precision="float32").encode(images)
@@ -52,7 +48,7 @@ def test_bfloat16_stays_close_to_float32(name: str, saved: Callable[[str], Saved
     assert 0 < np.linalg.norm(full - half, axis=-1).mean() < 0.03
 
 
-def test_settings_tell_encoders_apart(dinov2: Saved, saved: Callable[[str], Saved]) -> None:
+def test_settings_tell_encoders_apart(dinov2, saved):
     first = load_encoder(dinov2.folder, device="cpu", precision="float32").settings()
     assert first["encoder_block"] == 3
     assert first["encoder_dimension"] == 16
@@ -65,6 +61,6 @@ def test_settings_tell_encoders_apart(dinov2: Saved, saved: Callable[[str], Save
 
 
 @pytest.mark.parametrize("block", [0, -1, 4, 2.0, True, "2"])
-def test_blocks_that_are_not_there_are_refused(dinov2: Saved, block: Any) -> None:
+def test_blocks_that_are_not_there_are_refused(dinov2, block):
     with pytest.raises(ValueError, match=r"load_encoder: `block` must be a whole number.*, got"):
         load_encoder(dinov2.folder, block=block, device="cpu")

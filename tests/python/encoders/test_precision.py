@@ -1,9 +1,6 @@
 """Test the precision that is chosen for a device."""
 
-from __future__ import annotations
-
 import pytest
-from tiny_families import Saved
 
 from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
@@ -15,15 +12,13 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize(
     ("flags", "expected"), [({"avx512_bf16"}, "bfloat16"), ({"amx_bf16"}, "bfloat16"), ({"avx2"}, "float32")]
 )
-def test_it_follows_from_the_processor_s_flags(
-    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, flags: set[str], expected: str
-) -> None:
+def test_it_follows_from_the_processor_s_flags(dinov2, monkeypatch, flags, expected):
     monkeypatch.setattr(precision, "_cpu_flags", lambda: flags)
     encoder = load_encoder(dinov2.folder, device="cpu")
     assert encoder.precision == encoder.settings()["encoder_precision"] == expected
 
 
-def test_what_an_encoder_will_be_is_known_before_it_is_loaded(dinov2: Saved) -> None:
+def test_what_an_encoder_will_be_is_known_before_it_is_loaded(dinov2):
     known = find_identity(dinov2.folder, "cpu")
     loaded = load_encoder(dinov2.folder, device="cpu").identity()
     assert known == {name: loaded[name] for name in IDENTITY}

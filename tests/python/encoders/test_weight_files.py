@@ -1,10 +1,6 @@
 """Test which weights in a folder are accepted and refused."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,28 +24,28 @@ pytestmark = pytest.mark.usefixtures("one_thread")
         ('{"model_type": "dinov2", "hidden_size": "wide"}', "valid config.json of a dinov2 model, got `hidden_size`"),
     ],
 )
-def test_configurations_that_make_no_sense_are_refused(folder: Path, config: str, message: str) -> None:
+def test_configurations_that_make_no_sense_are_refused(folder, config, message):
     (folder / "config.json").write_text(config)
     with pytest.raises((ValueError, OSError), match=f"load_encoder: .*{message}"):
         load_encoder(folder)
 
 
 @pytest.mark.parametrize("kept", [0, 5, 1000, -100])
-def test_weights_cut_short_are_refused(folder: Path, kept: int) -> None:
+def test_weights_cut_short_are_refused(folder, kept):
     path = folder / "model.safetensors"
     path.write_bytes(path.read_bytes()[:kept])
     with pytest.raises(OSError, match="load_encoder: `encoder`: the weights in .* cannot be read"):
         load_encoder(folder)
 
 
-def _change(folder: Path, change: Any) -> None:
+def _change(folder, change):
     path = folder / "model.safetensors"
     tensors = safetensors.torch.load_file(path)
     change(tensors)
     safetensors.torch.save_file(tensors, path, metadata={"format": "pt"})
 
 
-def test_weights_of_the_wrong_shape_are_refused(folder: Path) -> None:
+def test_weights_of_the_wrong_shape_are_refused(folder):
     _change(folder, lambda tensors: tensors.update({"encoder.layer.1.mlp.fc1.weight": torch.zeros(32, 12)}))
     with pytest.raises(ValueError, match=r"must have .*fc1\.weight of shape \(32, 16\), got \(32, 12\)"):
         load_encoder(folder)
@@ -60,7 +56,7 @@ def test_weights_of_the_wrong_shape_are_refused(folder: Path) -> None:
         load_encoder(folder)
 
 
-def test_missing_weights_are_refused_unless_they_are_not_used(folder: Path) -> None:
+def test_missing_weights_are_refused_unless_they_are_not_used(folder):
     expected = tokens(load_encoder(folder, block=2, device="cpu"))
     _change(folder, lambda tensors: tensors.pop("embeddings.mask_token"))
     _change(folder, lambda tensors: tensors.pop("encoder.layer.2.norm1.weight"))
@@ -72,7 +68,7 @@ def test_missing_weights_are_refused_unless_they_are_not_used(folder: Path) -> N
         load_encoder(folder, block=1)
 
 
-def test_sharded_weights_are_read_and_counted(folder: Path, tmp_path: Path) -> None:
+def test_sharded_weights_are_read_and_counted(folder, tmp_path):
     model = transformers.Dinov2Model.from_pretrained(folder)
     model.save_pretrained(tmp_path / "shards", max_shard_size="8KB")
     assert (tmp_path / "shards" / "model.safetensors.index.json").is_file()
@@ -85,7 +81,7 @@ def test_sharded_weights_are_read_and_counted(folder: Path, tmp_path: Path) -> N
         load_encoder(tmp_path / "shards")
 
 
-def test_a_folder_says_how_its_pictures_are_normalized(folder: Path) -> None:
+def test_a_folder_says_how_its_pictures_are_normalized(folder):
     plain = load_encoder(folder, device="cpu", precision="float32")
     assert plain._model.channels.mean == (0.485, 0.456, 0.406)
     (folder / "preprocessor_config.json").write_text('{"image_mean": [0.5, 0.5, 0.5], "image_std": [0.25, 0.25, 0.25]}')

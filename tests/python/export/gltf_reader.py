@@ -1,7 +1,5 @@
 """Read a GLB file with pygltflib, and pose it with NumPy in float64, without code of the exporter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pygltflib
 

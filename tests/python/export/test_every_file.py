@@ -4,8 +4,6 @@ The files are those of tests/corpus and, if `DFD_MESHES` names a folder of meshe
 `corpus` and `reports` beside it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import warnings
@@ -29,7 +27,7 @@ FILES = [
 ]
 
 
-def load_if_readable(path: Path) -> dfd.Mesh:
+def load_if_readable(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of missing materials, and of rounding
         try:
@@ -40,7 +38,7 @@ def load_if_readable(path: Path) -> dfd.Mesh:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_every_export_shows_the_edit(path: Path, tmp_path: Path, make_session) -> None:
+def test_every_export_shows_the_edit(path, tmp_path, make_session):
     mesh = load_if_readable(path)
     session = make_session(mesh)
     size = float(mesh.extents.max())
@@ -56,7 +54,7 @@ def test_every_export_shows_the_edit(path: Path, tmp_path: Path, make_session) -
     for name in (*(f"baked{ending}" for ending in ENDINGS), *(f"{form}.glb" for form in forms)):
         form = name.split(".")[0]
         influences = "all" if form == "skin" else None
-        dfd.export_rig(session, tmp_path / name, form=form, influences=influences)  # type: ignore[arg-type]
+        dfd.export_rig(session, tmp_path / name, form=form, influences=influences)
         found = load_if_readable(tmp_path / name)
         assert found.faces.shape == mesh.faces.shape, name
         shown = found.vertices[found.faces]
@@ -67,7 +65,7 @@ def test_every_export_shows_the_edit(path: Path, tmp_path: Path, make_session) -
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_file_without_an_edit_keeps_its_bytes(path: Path, tmp_path: Path) -> None:
+def test_a_file_without_an_edit_keeps_its_bytes(path, tmp_path):
     copy = tmp_path / path.name
     shutil.copy(path, copy)
     load_if_readable(copy).save(tmp_path / f"same{path.suffix}")

@@ -121,16 +121,6 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     assert "normalized" in str(report)
 
 
-def test_what_no_skin_can_show_is_reported(session, tmp_path):
-    for vertex in (40, 300, 500):
-        session.add(vertex, **BEND, counterparts="shared_pivot")
-    session.preset = "paper"
-    report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
-    distance = np.linalg.norm(shown(tmp_path / "rig.glb") - session.vertices[session.mesh.faces], axis=2)
-    assert report.largest == pytest.approx(distance.max(), rel=1e-4)
-    assert report.normalized > 0
-
-
 def test_another_blend_is_named(session, tmp_path, monkeypatch):
     monkeypatch.undo()  # blend as the preset "default" does
     session.add(40, rotation=(0, 90, 0))

@@ -1,26 +1,21 @@
 """Test component residuals: overlapping components have different features, and other meshes have no residuals."""
 
-from __future__ import annotations
-
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
 from made_field import made_field
-from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
 import dfd
 from dfd.distillation.fit import fit_component_residuals
 from dfd.distillation.targets import PointTargets
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
-from dfd.mesh.mesh import Mesh
 
 WIDTH = 12
 
 
-def shells(detail: int = 12) -> Mesh:
+def shells(detail=12):
     """Return two open tubes around one axis, one just inside the other, like a sleeve and an arm."""
     turn = np.linspace(0, 2 * np.pi, detail, endpoint=False)
     height = np.linspace(-1, 1, detail)
@@ -35,7 +30,7 @@ def shells(detail: int = 12) -> Mesh:
     return dfd.Mesh(np.concatenate(vertices), np.array(faces))
 
 
-def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
+def kept(mesh):
     """Return a field with residuals, and its target features: each tube has a unit vector of its own."""
     component, boxes = components_of_vertices(mesh)
     wanted = np.eye(WIDTH, dtype=np.float32)[component]
@@ -44,7 +39,7 @@ def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
     return fit_component_residuals(field, targets), wanted
 
 
-def test_overlapping_components_have_different_features() -> None:
+def test_overlapping_components_have_different_features():
     mesh = shells()
     field, wanted = kept(mesh)
     network = field(mesh.vertices)
@@ -53,7 +48,6 @@ def test_overlapping_components_have_different_features() -> None:
     assert (features * wanted).sum(axis=1).min() > 0.95
     # A component with n points has n / (n + 10) of what the network misses.
     count = np.bincount(wanted.argmax(axis=1))[wanted.argmax(axis=1), None]
-    assert field.residuals is not None
     np.testing.assert_allclose(field.residuals.differences, (wanted - network) * count / (count + 10), atol=1e-3)
     assert (network * wanted).sum(axis=1).max() < 0.9  # the network alone does not separate the tubes
     assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()
@@ -65,7 +59,7 @@ def test_overlapping_components_have_different_features() -> None:
     np.testing.assert_allclose(placed.on(larger).at(larger.vertices), features, atol=1e-4)
 
 
-def test_a_handle_moves_only_its_own_component() -> None:
+def test_a_handle_moves_only_its_own_component():
     mesh = shells()
     field, _ = kept(mesh)
     half = len(mesh.vertices) // 2
@@ -76,7 +70,7 @@ def test_a_handle_moves_only_its_own_component() -> None:
     assert session.weights[half:].max() < 0.2
 
 
-def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes() -> None:
+def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes():
     field, _ = kept(shells())
     finer = shells(31)
     component, _ = components_of_vertices(finer)
@@ -93,7 +87,7 @@ def test_residuals_apply_to_other_resolutions_and_not_to_other_shapes() -> None:
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
 
-def test_residuals_are_continuous() -> None:
+def test_residuals_are_continuous():
     random = np.random.default_rng(0)
     points = random.uniform(-1, 1, (300, 3)).astype(np.float32)
     differences = random.normal(size=(300, WIDTH)).astype(np.float16)
@@ -108,7 +102,7 @@ def test_residuals_are_continuous() -> None:
 
 
 @pytest.mark.parametrize(("count", "others"), [(1, 30), (8, 30), (30, 30), (30, 0)])
-def test_a_residual_is_a_mean_of_the_nearest_samples_on_the_own_component(count: int, others: int) -> None:
+def test_a_residual_is_a_mean_of_the_nearest_samples_on_the_own_component(count, others):
     random = np.random.default_rng(count)
     points = random.uniform(-1, 1, (count + others, 3)).astype(np.float32)
     component = np.repeat([1, 0], [count, others])
@@ -127,7 +121,7 @@ def test_a_residual_is_a_mean_of_the_nearest_samples_on_the_own_component(count:
 
 
 @pytest.mark.parametrize("at", [(0, 0, 0), (9, 0, 0)])
-def test_where_residuals_say_nothing_the_feature_of_the_network_stays(at: tuple[float, ...]) -> None:
+def test_where_residuals_say_nothing_the_feature_of_the_network_stays(at):
     """Nine samples at one distance say the same, residuals can cancel a feature, and components can have no samples."""
     points = [(x * a, y * b, 0) for a, b in ((3, 4), (4, 3)) for x in (-1, 1) for y in (-1, 1)] + [(5, 0, 0)]
     rows = np.eye(WIDTH, dtype=np.float32)[:1]
@@ -139,7 +133,7 @@ def test_where_residuals_say_nothing_the_feature_of_the_network_stays(at: tuple[
     np.testing.assert_allclose(turning.add_residuals(rows, np.array([at]), np.array([0])), wanted, atol=1e-6)
 
 
-def test_components_join_seams_and_leave_out_vertices_without_faces() -> None:
+def test_components_join_seams_and_leave_out_vertices_without_faces():
     vertices = [
         [0, 0, 0],
         [1, 0, 0],
@@ -157,7 +151,7 @@ def test_components_join_seams_and_leave_out_vertices_without_faces() -> None:
     np.testing.assert_array_equal(boxes, [[0, 0, 0, 1, 1, 0], [5, 5, 5, 6, 6, 5]])
 
 
-def test_a_file_keeps_residuals_and_equal_fields_give_equal_files(tmp_path: Path) -> None:
+def test_a_file_keeps_residuals_and_equal_fields_give_equal_files(tmp_path):
     mesh = shells()
     field, _ = kept(mesh)
     field.save(tmp_path / "one.safetensors")
@@ -182,7 +176,7 @@ def test_a_file_keeps_residuals_and_equal_fields_give_equal_files(tmp_path: Path
         ("residuals.boxes", lambda array: None, "'boxes'"),
     ],
 )
-def test_damaged_residuals_are_refused(tmp_path: Path, name: str, change: object, said: str) -> None:
+def test_damaged_residuals_are_refused(tmp_path, name, change, said):
     from safetensors import safe_open
 
     field, _ = kept(shells())
@@ -191,7 +185,7 @@ def test_damaged_residuals_are_refused(tmp_path: Path, name: str, change: object
     arrays = load_file(path)
     with safe_open(path, "numpy") as opened:
         metadata = opened.metadata()
-    changed = change(arrays.pop(name))  # type: ignore[operator]
+    changed = change(arrays.pop(name))
     save_file(arrays if changed is None else {**arrays, name: np.ascontiguousarray(changed)}, path, metadata)
     with pytest.raises(ValueError, match=r"Field\.load: `path`") as raised:
         dfd.Field.load(path)

@@ -1,7 +1,5 @@
 """Test the clustering of a fine mesh into nodes, its memory use, and the shares of vertices."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test the sentences about unusual properties of a mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
@@ -13,11 +11,11 @@ from dfd.mesh.mesh import Mesh
 FINE = trimesh.creation.box((1, 1, 1)).subdivide().subdivide().subdivide()
 
 
-def said(vertices: np.ndarray, faces: np.ndarray) -> str:
+def said(vertices, faces):
     return "\n".join(f"{each.what} {each.means}" for each in findings(Mesh(vertices, faces)))
 
 
-def test_nothing_is_odd_about_a_good_mesh() -> None:
+def test_nothing_is_odd_about_a_good_mesh():
     assert findings(Mesh(FINE.vertices, FINE.faces)) == []
 
 
@@ -28,12 +26,12 @@ def test_nothing_is_odd_about_a_good_mesh() -> None:
         (3.0, "2 components that no edge connects. Gaps separate 2 groups"),
     ],
 )
-def test_components_that_touch_and_that_do_not(offset: float, message: str) -> None:
+def test_components_that_touch_and_that_do_not(offset, message):
     vertices = np.vstack([FINE.vertices, FINE.vertices + [offset, 0, 0]])
     assert message in said(vertices, np.vstack([FINE.faces, FINE.faces + len(FINE.vertices)]))
 
 
-def test_defects_are_counted_in_words() -> None:
+def test_defects_are_counted_in_words():
     faces = FINE.faces
     assert "The surface is open: 3 edges have one face only." in said(FINE.vertices, faces[1:])
     assert "1 face has no area." in said(FINE.vertices, np.vstack([faces, [(0, 0, 1)]]))
@@ -45,7 +43,7 @@ def test_defects_are_counted_in_words() -> None:
     assert "1 vertex belongs to no face." in said(np.vstack([FINE.vertices, [(0, 0, 0)]]), faces)
 
 
-def test_flat_far_coarse_and_empty_shapes() -> None:
+def test_flat_far_coarse_and_empty_shapes():
     assert "The shape is flat." in said(FINE.vertices * [1, 1, 0], FINE.faces)
     assert "far from the origin" in said(FINE.vertices + 1e6, FINE.faces)
     assert "a typical edge is 58% of the diagonal" in said(CORNERS, CUBE)

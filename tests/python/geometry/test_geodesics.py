@@ -1,7 +1,5 @@
 """Test distances along the surface: exact values, a slow reference, gaps, and defective meshes."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
@@ -20,23 +18,23 @@ from dfd.geometry.refine import split_long_edges
 from dfd.mesh.mesh import Mesh
 
 
-def sphere_of(subdivisions: int) -> Mesh:
+def sphere_of(subdivisions):
     made = trimesh.creation.icosphere(subdivisions)
     return Mesh(made.vertices, made.faces)
 
 
 @pytest.fixture(scope="module")
-def sphere() -> Mesh:
+def sphere():
     return sphere_of(4)
 
 
-def on_sphere(mesh: Mesh, handle: int) -> np.ndarray:
+def on_sphere(mesh, handle):
     """Return the exact distances (V,) from `handle` on a unit sphere, divided by the largest distance π."""
     return np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1)) / np.pi
 
 
 @pytest.mark.parametrize(("subdivisions", "sampled"), [(4, True), (6, True), (6, False)])
-def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> None:
+def test_distances_on_a_sphere_are_angles(subdivisions, sampled):
     """The solver uses all 2,562 vertices, samples of 40,962 vertices, and all 40,962 vertices."""
     mesh = sphere_of(subdivisions)
     geodesics = Geodesics(mesh, sampled=sampled)
@@ -53,7 +51,7 @@ def test_distances_on_a_sphere_are_angles(subdivisions: int, sampled: bool) -> N
         assert np.argmin(row) == handle
 
 
-def test_distances_between_samples_rise_as_steadily_as_the_surface() -> None:
+def test_distances_between_samples_rise_as_steadily_as_the_surface():
     """Without slopes between samples, distances would rise in steps, up to 1.6 times as fast as the edge is long."""
     mesh = sphere_of(6)
     edges = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
@@ -64,7 +62,7 @@ def test_distances_between_samples_rise_as_steadily_as_the_surface() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
-def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:
+def test_the_kernel_agrees_with_its_twin(seed, count, face_count, link_count):
     """Random faces include non-manifold edges, repeated faces, and faces without area."""
     random = np.random.default_rng(seed)
     vertices = random.uniform(-1, 1, (count, 3))
@@ -80,17 +78,7 @@ def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int,
     assert np.allclose(out[0, joined] * solver.extent, wanted[joined], atol=1e-5)
 
 
-def test_one_thread_equals_many() -> None:
-    found = []
-    for threads in (1, 4):
-        dfd.set_num_threads(threads)
-        geodesics = Geodesics(sphere_of(6))
-        found.append(np.vstack([geodesics.distances([7]), geodesics.distances([7, 9, 11])]))
-    assert np.array_equal(found[0], found[1])
-    assert np.array_equal(found[0][0], found[0][1])
-
-
-def test_components_that_touch_are_near_and_others_farthest() -> None:
+def test_components_that_touch_are_near_and_others_farthest():
     seat = trimesh.creation.box((1, 0.1, 1))
     leg = trimesh.creation.box((0.1, 1, 0.1)).apply_translation((0.4, -0.54, 0.4))  # inside the seat
     far = trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((3, 0, 0))
@@ -107,7 +95,7 @@ def test_components_that_touch_are_near_and_others_farthest() -> None:
     assert np.all(geodesics.distances([16])[0, :16] == 1)
 
 
-def test_long_edges_are_halved_and_shared() -> None:
+def test_long_edges_are_halved_and_shared():
     vertices, faces = split_long_edges(CORNERS, CUBE.astype(np.int32), 0.3, most=10_000)
     fine = trimesh.Trimesh(vertices, faces, process=False)
     assert np.array_equal(vertices[:8], CORNERS)
@@ -122,7 +110,7 @@ def test_long_edges_are_halved_and_shared() -> None:
     assert np.array_equal(kept, CUBE)
 
 
-def test_vertices_that_no_face_uses() -> None:
+def test_vertices_that_no_face_uses():
     vertices = np.vstack([CORNERS, [(9, 9, 9), (9, 9, 9.5)]])
     found = Geodesics(Mesh(vertices, np.vstack([CUBE, [(8, 8, 9)]]))).distances([8, 0])
     assert found[0, :8].tolist() == [1] * 8
@@ -131,7 +119,7 @@ def test_vertices_that_no_face_uses() -> None:
     assert found[1, 8:].tolist() == [1, 1]
 
 
-def test_a_mesh_of_one_point_and_one_without_area() -> None:
+def test_a_mesh_of_one_point_and_one_without_area():
     assert Geodesics(Mesh(np.ones((3, 3)), [(0, 1, 2)])).distances([1]).tolist() == [[0, 0, 0]]
     found = Geodesics(Mesh(CORNERS, [(0, 0, 1), (2, 2, 2)])).distances([3])
     assert found[0, 3] == 0
@@ -139,7 +127,7 @@ def test_a_mesh_of_one_point_and_one_without_area() -> None:
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0), (1e6, 0), (1, 1000), (1e155, 0), (1e-200, 0)])
-def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float) -> None:
+def test_size_and_place_do_not_matter(sphere, scale, offset):
     plain = Geodesics(sphere)
     moved = Geodesics(Mesh(sphere.vertices * scale + offset, sphere.faces))
     assert np.allclose(moved.distances([3]), plain.distances([3]), atol=1e-5)
@@ -155,7 +143,7 @@ def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float)
         ([[np.nan, 0, 0]], "`handles` must be finite"),
     ],
 )
-def test_bad_handles_are_refused(handles: object, message: str, sphere: Mesh) -> None:
+def test_bad_handles_are_refused(handles, message, sphere):
     with pytest.raises(ValueError, match="Geodesics.distances: " + message):
         Geodesics(sphere).distances(handles)
 

@@ -1,7 +1,5 @@
 """Test counts on meshes with known defects, and the order of faces by position."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
@@ -11,7 +9,7 @@ from dfd.geometry.topology import by_position, inspect, sample_surface, sorted_c
 from dfd.mesh.mesh import Mesh
 
 
-def test_a_cube_is_one_closed_component() -> None:
+def test_a_cube_is_one_closed_component():
     found = inspect(Mesh(CORNERS * 2, CUBE))
     assert (found.vertex_count, found.face_count, found.components) == (8, 12, 1)
     assert (found.boundary_edges, found.non_manifold_edges) == (0, 0)
@@ -23,13 +21,13 @@ def test_a_cube_is_one_closed_component() -> None:
     assert (found.parts, found.materials, found.textures) == (1, 0, 0)
 
 
-def test_positions_that_coincide_count_as_one_vertex_of_the_surface() -> None:
+def test_positions_that_coincide_count_as_one_vertex_of_the_surface():
     soup = Mesh(CORNERS[CUBE].reshape(-1, 3), np.arange(36).reshape(-1, 3))
     found = inspect(soup)
     assert (found.components, found.boundary_edges, found.vertex_count) == (1, 0, 36)
 
 
-def test_faces_without_area_and_repeated_faces_are_counted_and_do_no_harm() -> None:
+def test_faces_without_area_and_repeated_faces_are_counted_and_do_no_harm():
     vertices = np.vstack([CORNERS, [(0, 0, 2), (9, 9, 9)]])
     bad = [(0, 0, 1), (3, 3, 3), (0, 1, 8), CUBE[0], CUBE[1][[2, 1, 0]], CUBE[1][[1, 2, 0]]]
     found = inspect(Mesh(vertices, np.vstack([CUBE, bad])))
@@ -40,13 +38,13 @@ def test_faces_without_area_and_repeated_faces_are_counted_and_do_no_harm() -> N
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
-def test_a_small_face_far_from_the_origin_has_area(offset: float) -> None:
+def test_a_small_face_far_from_the_origin_has_area(offset):
     vertices = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0), (2e-3, 0, 0)]) + offset
     found = inspect(Mesh(vertices, [(0, 1, 2), (0, 1, 3)]))
     assert found.degenerate_faces == 1
 
 
-def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
+def test_counts_agree_with_trimesh_on_a_torn_sphere():
     sphere = trimesh.creation.icosphere(3)
     kept = np.random.default_rng(1).random(len(sphere.faces)) < 0.7
     torn = trimesh.Trimesh(sphere.vertices, sphere.faces[kept], process=False)
@@ -64,12 +62,12 @@ STAR = np.array([(0, 0, 1), (1, 0, 0), (0, 1, 0)]) / 3 + 0.2
 TRIANGLES = np.concatenate([PLACES, [STAR, 2 * STAR.mean(axis=0) - STAR]])
 
 
-def in_order(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def in_order(vertices, faces):
     """Return the corners (N, 3, 3) of the faces in their order, each with its corners in order."""
     return vertices[sorted_corners(vertices, faces)[by_position(vertices, faces)]]
 
 
-def shuffled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def shuffled(vertices, faces):
     """Return a mesh with vertices, faces and corners in another order."""
     order = RANDOM.permutation(len(vertices))
     turns = (RANDOM.integers(3, size=(len(faces), 1)) + np.arange(3)) % 3
@@ -88,7 +86,7 @@ def shuffled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     ],
     ids=["another order", "smaller", "shifted", "doubled faces", "doubled surface", "unused vertices"],
 )
-def test_only_positions_decide_the_order_of_faces(change) -> None:
+def test_only_positions_decide_the_order_of_faces(change):
     vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3).reshape(-1, 3)
     wanted, changed = in_order(vertices, faces), in_order(*change(vertices, faces))
     assert len(wanted) == len(faces)
@@ -98,7 +96,7 @@ def test_only_positions_decide_the_order_of_faces(change) -> None:
     )
 
 
-def test_two_sides_of_a_sheet_are_one_face_whose_samples_do_not_depend_on_the_side() -> None:
+def test_two_sides_of_a_sheet_are_one_face_whose_samples_do_not_depend_on_the_side():
     vertices, faces = TRIANGLES.reshape(-1, 3), np.arange(TRIANGLES.size // 3, dtype=np.int32).reshape(-1, 3)
     both = np.concatenate([faces, faces[:, ::-1]])
     wanted = in_order(vertices, faces)
@@ -108,7 +106,7 @@ def test_two_sides_of_a_sheet_are_one_face_whose_samples_do_not_depend_on_the_si
         np.testing.assert_allclose(samples, sample_surface(vertices, faces, 500, np.random.default_rng(0))[0])
 
 
-def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other() -> None:
+def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other():
     centers = (np.stack(np.meshgrid(*3 * [np.arange(8)]), axis=-1).reshape(-1, 3) + 0.5)[RANDOM.permutation(512)]
     vertices = np.concatenate([(centers[:, None] + 0.1 * np.eye(3)).reshape(-1, 3), [(0, 0, 0), (8, 8, 8)]])
     faces = np.concatenate([np.arange(1536).reshape(-1, 3), [(1536, 1536, 1536), (1537, 1537, 1537)]])
@@ -118,7 +116,7 @@ def test_faces_follow_a_curve_that_fills_one_cell_of_a_grid_after_the_other() ->
     np.testing.assert_array_equal(codes, np.arange(512))
 
 
-def test_corners_are_sorted_by_x_then_y_then_z() -> None:
+def test_corners_are_sorted_by_x_then_y_then_z():
     vertices = np.stack(np.meshgrid(*3 * [np.arange(3.0)]), axis=-1).reshape(-1, 3)[RANDOM.permutation(27)]
     faces = np.array([RANDOM.permutation(27)[:3] for _ in range(200)], np.int32)
     for before, after in zip(faces.tolist(), sorted_corners(vertices, faces).tolist(), strict=True):

@@ -1,9 +1,6 @@
 """Tests of surface colors from textures, vertex colors and materials, and of unreadable textures."""
 
-from __future__ import annotations
-
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,38 +10,38 @@ from PIL import Image
 
 from dfd.mesh.appearance import GRAY, Appearance, Material
 from dfd.mesh.colors import srgb
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import load
 
 RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)
 
 
-def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+def albedo(mesh, faces, barycentric):
     found = look_of(mesh).albedo(faces, barycentric)
     assert found.dtype == np.float32
     assert found.shape == (len(faces), 4)
     return found
 
 
-def at(mesh: Mesh, points: list[tuple[float, float]]) -> np.ndarray:
+def at(mesh, points):
     """Return the colors (N, 4) of `points` (x, y) of the textured unit square."""
     faces = np.array([0 if x >= y else 1 for x, y in points])
     weights = [(1 - x, x - y, y) if x >= y else (1 - y, x, y - x) for x, y in points]
     return albedo(mesh, faces, np.array(weights))
 
 
-def square(texture: np.ndarray | None = None, uv: object = None, **options: object) -> Appearance:
+def square(texture=None, uv=None, **options):
     corners = np.arange(4, dtype=np.int32)
     return Appearance(
         corners=corners,
         corner_faces=np.array([(0, 1, 2), (0, 2, 3)], np.int32),
         face_material=np.zeros(2, np.int32),
-        materials=(Material(color=WHITE, texture=texture, **options),),  # type: ignore[arg-type]
+        materials=(Material(color=WHITE, texture=texture, **options),),
         uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)] if uv is None else uv, np.float32),
     )
 
 
 @pytest.mark.parametrize("kind", ["glb", "webp", "obj"])
-def test_a_texture_lies_the_right_way_up(kind: str, tmp_path: Path) -> None:
+def test_a_texture_lies_the_right_way_up(kind, tmp_path):
     gltf = textured_quad(tmp_path)
     path = tmp_path / "quad.glb"
     if kind == "webp":
@@ -63,7 +60,7 @@ def test_a_texture_lies_the_right_way_up(kind: str, tmp_path: Path) -> None:
     assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
 
 
-def test_texels_are_interpolated_between_their_centers() -> None:
+def test_texels_are_interpolated_between_their_centers():
     texture = np.zeros((1, 2, 4), np.uint8)
     texture[0, 1] = 255
     look = square(texture, wrap=("clamp", "clamp"))
@@ -75,7 +72,7 @@ def test_texels_are_interpolated_between_their_centers() -> None:
     ("wrap", "expected"),
     [("repeat", [1, 0, 1, 0, 1, 0]), ("mirror", [0, 0, 1, 1, 0, 0]), ("clamp", [0, 0, 1, 1, 1, 1])],
 )
-def test_wrap_modes_outside_the_texture(wrap: str, expected: list[int]) -> None:
+def test_wrap_modes_outside_the_texture(wrap, expected):
     texture = np.zeros((1, 2, 4), np.uint8)
     texture[0, 1] = 255
     look = square(texture, uv=[(-0.5, 0), (2.5, 0), (2.5, 1), (-0.5, 1)], wrap=(wrap, wrap))
@@ -85,7 +82,7 @@ def test_wrap_modes_outside_the_texture(wrap: str, expected: list[int]) -> None:
     assert np.allclose(found[:, 0], expected, atol=1e-5)
 
 
-def test_factor_texture_and_vertex_colors_multiply(tmp_path: Path) -> None:
+def test_factor_texture_and_vertex_colors_multiply(tmp_path):
     half = 0.5
     gltf = textured_quad(tmp_path, COLOR_0=(np.tile((0.25, 1.0, 1.0, 1.0), (4, 1)), 5126, "VEC4"))
     gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, half, 1, 1]
@@ -98,7 +95,7 @@ def test_factor_texture_and_vertex_colors_multiply(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mode", "expected"), [(None, [1, 1]), ("OPAQUE", [1, 1]), ("MASK", [0, 1]), ("BLEND", [0.25, 1])]
 )
-def test_transparency(mode: str | None, expected: list[float], tmp_path: Path) -> None:
+def test_transparency(mode, expected, tmp_path):
     colors = np.array([(1, 1, 1, 0.25), (1, 1, 1, 1), (1, 1, 1, 1), (1, 1, 1, 0.25)])
     gltf = textured_quad(tmp_path, COLOR_0=(colors, 5126, "VEC4"))
     if mode:
@@ -107,7 +104,7 @@ def test_transparency(mode: str | None, expected: list[float], tmp_path: Path) -
     assert np.allclose(at(mesh, [(0.0, 0.0), (1.0, 1.0)])[:, 3], expected, atol=0.01)
 
 
-def test_vertex_and_face_colors_of_ply(tmp_path: Path) -> None:
+def test_vertex_and_face_colors_of_ply(tmp_path):
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     cube.visual.vertex_colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1))
     cube.export(tmp_path / "vertices.ply")
@@ -122,7 +119,7 @@ def test_vertex_and_face_colors_of_ply(tmp_path: Path) -> None:
     assert np.allclose(found, [RED, GREEN, RED, GREEN])
 
 
-def test_a_mesh_without_materials_has_no_colors_and_a_part_without_is_gray(tmp_path: Path) -> None:
+def test_a_mesh_without_materials_has_no_colors_and_a_part_without_is_gray(tmp_path):
     assert load(write(tmp_path / "cube.obj", obj_cube())).appearance is None
     gltf = textured_quad(tmp_path)
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 2, CUBE))
@@ -132,7 +129,7 @@ def test_a_mesh_without_materials_has_no_colors_and_a_part_without_is_gray(tmp_p
 
 
 @pytest.mark.parametrize("damage", ["absent", "text", "cut"])
-def test_an_unreadable_texture_gives_gray_and_one_warning(damage: str, tmp_path: Path) -> None:
+def test_an_unreadable_texture_gives_gray_and_one_warning(damage, tmp_path):
     path = painted_cube(tmp_path)
     if damage == "absent":
         (tmp_path / "paint.png").unlink()
@@ -149,7 +146,7 @@ def test_an_unreadable_texture_gives_gray_and_one_warning(damage: str, tmp_path:
         assert np.allclose(found, (GRAY, GRAY, GRAY, 1))
 
 
-def test_the_content_hash_depends_on_all_colors(tmp_path: Path) -> None:
+def test_the_content_hash_depends_on_all_colors(tmp_path):
     gltf = textured_quad(tmp_path)
     hashes = {load(write(tmp_path / "a.glb", gltf.glb())).content_hash}
     gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 0.5, 1, 1]
@@ -160,7 +157,7 @@ def test_the_content_hash_depends_on_all_colors(tmp_path: Path) -> None:
     assert len(hashes) == 3
 
 
-def picture(mode: str) -> bytes:
+def picture(mode):
     values = np.full((4, 4), 20000, np.uint16)
     image = {
         "I;16": Image.fromarray(values),
@@ -173,14 +170,14 @@ def picture(mode: str) -> bytes:
 
 
 @pytest.mark.parametrize("mode", ["I;16", "I", "F"])
-def test_gray_pictures_of_many_bits_keep_their_gray(mode: str, tmp_path: Path) -> None:
+def test_gray_pictures_of_many_bits_keep_their_gray(mode, tmp_path):
     write(tmp_path / "gray.png", picture(mode))
     write(tmp_path / "a.mtl", "newmtl m\nmap_Kd gray.png\n")
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
     assert np.allclose(load(write(tmp_path / "a.obj", text)).vertex_colors()[0, :3], 0.305, atol=0.003)
 
 
-def test_a_black_surface_that_emits_light_shows_it(tmp_path: Path) -> None:
+def test_a_black_surface_that_emits_light_shows_it(tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE, material=0))
     gltf.header["materials"] = [

@@ -1,9 +1,5 @@
 """Tests of meshes from memory: conversion from pairs of arrays, and from and to trimesh objects."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +8,7 @@ from mesh_files import CORNERS, CUBE, same_shape, scene_of_three, textured_quad,
 from dfd.mesh.mesh import Mesh, load
 
 
-def test_a_pair_of_arrays_is_a_mesh() -> None:
+def test_a_pair_of_arrays_is_a_mesh():
     for pair in ((CORNERS, CUBE), [CORNERS.tolist(), CUBE.tolist()]):
         mesh = load(pair)
         assert np.array_equal(mesh.vertices, CORNERS)
@@ -23,12 +19,12 @@ def test_a_pair_of_arrays_is_a_mesh() -> None:
 
 
 @pytest.mark.parametrize("wrong", [None, 5, (CORNERS,), {"vertices": CORNERS}, CORNERS])
-def test_other_sources_are_refused(wrong: object) -> None:
+def test_other_sources_are_refused(wrong):
     with pytest.raises(ValueError, match=r"load: `source` must be a path, a trimesh.Trimesh, .*, got"):
-        load(wrong)  # type: ignore[arg-type]
+        load(wrong)
 
 
-def test_a_trimesh_keeps_its_vertices_and_is_not_changed() -> None:
+def test_a_trimesh_keeps_its_vertices_and_is_not_changed():
     split = trimesh.Trimesh(CORNERS[CUBE].reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
     before = split.vertices.copy()
     mesh = load(split)
@@ -40,7 +36,7 @@ def test_a_trimesh_keeps_its_vertices_and_is_not_changed() -> None:
     assert np.array_equal(mesh.vertices, before)
 
 
-def test_colors_are_kept_from_and_to_trimesh(tmp_path: Path) -> None:
+def test_colors_are_kept_from_and_to_trimesh(tmp_path):
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1)).astype(np.uint8)
     cube.visual.vertex_colors = colors
@@ -53,7 +49,7 @@ def test_colors_are_kept_from_and_to_trimesh(tmp_path: Path) -> None:
     assert np.allclose(load(tmp_path / "cube.ply").vertex_colors() * 255, colors)
 
 
-def test_to_trimesh_keeps_the_numbering_of_vertices_and_faces(tmp_path: Path) -> None:
+def test_to_trimesh_keeps_the_numbering_of_vertices_and_faces(tmp_path):
     mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     back = mesh.to_trimesh(mesh.vertices + 1)
     assert np.array_equal(back.vertices, mesh.vertices + 1)
@@ -66,7 +62,7 @@ def test_to_trimesh_keeps_the_numbering_of_vertices_and_faces(tmp_path: Path) ->
         mesh.to_trimesh(CORNERS)
 
 
-def test_a_scene_keeps_its_parts_and_their_transforms(tmp_path: Path) -> None:
+def test_a_scene_keeps_its_parts_and_their_transforms(tmp_path):
     scene = trimesh.Scene()
     cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
     scene.add_geometry(cube, node_name="here", geom_name="cube")
@@ -84,7 +80,7 @@ def test_a_scene_keeps_its_parts_and_their_transforms(tmp_path: Path) -> None:
         load(trimesh.Scene())
 
 
-def test_parts_have_their_faces_and_vertices(tmp_path: Path) -> None:
+def test_parts_have_their_faces_and_vertices(tmp_path):
     mesh = load(scene_of_three(tmp_path))
     assert repr(mesh) == "Mesh(three.glb: 20 vertices, 26 faces, 3 parts)"
     assert [part.name for part in mesh.parts] == ["square", "near", "far"]

@@ -1,7 +1,5 @@
 """Tests of `Mesh`: read-only copies, bounds, normals, content hashes and errors for invalid arrays."""
 
-from __future__ import annotations
-
 import pickle
 from types import SimpleNamespace
 
@@ -12,10 +10,9 @@ from mesh_files import CORNERS, CUBE
 from dfd.geometry.normals import updated_normals
 from dfd.mesh.mesh import Mesh, load
 from dfd.mesh.normals import smooth_normals
-from dfd.samples import Sample
 
 
-def test_a_mesh_has_read_only_copies_of_arrays() -> None:
+def test_a_mesh_has_read_only_copies_of_arrays():
     vertices, faces = CORNERS.copy(), CUBE.copy()
     mesh = Mesh(vertices, faces)
     vertices[:] = 7
@@ -29,7 +26,7 @@ def test_a_mesh_has_read_only_copies_of_arrays() -> None:
             array[0] = 1
 
 
-def test_size_and_normals_of_a_cube() -> None:
+def test_size_and_normals_of_a_cube():
     mesh = Mesh(CORNERS * 2, CUBE)
     assert mesh.bounds.tolist() == [[0, 0, 0], [2, 2, 2]]
     assert mesh.extents.tolist() == [2, 2, 2]
@@ -38,19 +35,19 @@ def test_size_and_normals_of_a_cube() -> None:
     assert np.all(np.einsum("ij,ij->i", mesh.normals, CORNERS - 0.5) > 0.7)
 
 
-def test_normals_of_faces_without_area_are_zero_not_nan() -> None:
+def test_normals_of_faces_without_area_are_zero_not_nan():
     mesh = Mesh([(0, 0, 0), (1, 0, 0), (2, 0, 0), (5, 5, 5)], [(0, 1, 2), (0, 0, 1)])
     assert np.array_equal(mesh.normals, np.zeros((4, 3)))
 
 
-def test_content_hashes_differ_only_if_meshes_differ() -> None:
+def test_content_hashes_differ_only_if_meshes_differ():
     mesh, same = Mesh(CORNERS, CUBE), Mesh(CORNERS.copy(), CUBE.astype(np.int64))
     moved, turned = Mesh(CORNERS + 1e-12, CUBE), Mesh(CORNERS, CUBE[:, [1, 2, 0]])
     assert mesh.content_hash == same.content_hash
     assert len({mesh.content_hash, moved.content_hash, turned.content_hash}) == 3
 
 
-def test_degenerate_and_duplicate_faces_are_kept() -> None:
+def test_degenerate_and_duplicate_faces_are_kept():
     faces = [(0, 1, 3), (0, 1, 3), (2, 2, 2), (0, 1, 0)]
     assert Mesh(CORNERS, faces).faces.tolist() == [list(face) for face in faces]
 
@@ -67,13 +64,13 @@ def test_degenerate_and_duplicate_faces_are_kept() -> None:
         (CORNERS, CUBE + 1, r"`faces` must name vertices 0 … 7, got 8"),
     ],
 )
-def test_bad_arrays_are_refused(vertices: object, faces: object, message: str) -> None:
+def test_bad_arrays_are_refused(vertices, faces, message):
     with pytest.raises(ValueError, match=message):
         Mesh(vertices, faces)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.2, 1.0])
-def test_updated_normals_equal_newly_computed_normals(quadruped_sample: Sample, share: float) -> None:
+def test_updated_normals_equal_newly_computed_normals(quadruped_sample, share):
     mesh = quadruped_sample.mesh
     after = mesh.vertices.copy()
     after[: int(share * len(after))] += np.random.default_rng(0).normal(scale=0.01, size=(int(share * len(after)), 3))
@@ -81,7 +78,7 @@ def test_updated_normals_equal_newly_computed_normals(quadruped_sample: Sample, 
     np.testing.assert_allclose(updated, smooth_normals(after, mesh.faces), atol=1e-6)
 
 
-def test_a_mesh_cannot_be_changed() -> None:
+def test_a_mesh_cannot_be_changed():
     mesh = Mesh(CORNERS, CUBE)
     before = mesh.content_hash, mesh.diagonal
     with pytest.raises(AttributeError, match="^Mesh: `vertices` cannot be set, because a mesh is immutable"):
@@ -97,7 +94,7 @@ def test_a_mesh_cannot_be_changed() -> None:
         again.faces = CUBE
 
 
-def test_meshes_of_open3d_and_pyvista_are_read() -> None:
+def test_meshes_of_open3d_and_pyvista_are_read():
     open3d = SimpleNamespace(vertices=CORNERS, triangles=CUBE)
     surface = SimpleNamespace(points=CORNERS, regular_faces=CUBE, is_all_triangles=True)
     quads = SimpleNamespace(points=CORNERS, regular_faces=CUBE[:, :2], is_all_triangles=False)

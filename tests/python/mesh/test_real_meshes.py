@@ -1,7 +1,5 @@
 """Test that saved meshes load unchanged, with all meshes in the folder that `DFD_MESHES` names, if it is set."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from pathlib import Path
@@ -10,13 +8,13 @@ import numpy as np
 import pytest
 from mesh_files import header_and_data
 
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import load
 
 FOLDER = os.environ.get("DFD_MESHES")
 FILES = sorted(Path(FOLDER).rglob("*.obj")) + sorted(Path(FOLDER).rglob("*.glb")) if FOLDER else []
 
 
-def load_quietly(path: Path) -> Mesh:
+def load_quietly(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of OBJ files without their MTL files
         return load(path)
@@ -24,7 +22,7 @@ def load_quietly(path: Path) -> Mesh:
 
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_saved_mesh_loads_unchanged(path: Path, tmp_path: Path) -> None:
+def test_a_saved_mesh_loads_unchanged(path, tmp_path):
     mesh = load_quietly(path)
     moved = mesh.vertices * [1.1, 0.9, 1.0] + 0.3 * mesh.diagonal
     for ending in (".glb", ".obj", ".ply"):

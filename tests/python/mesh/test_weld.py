@@ -1,7 +1,5 @@
 """Tests of welding, which finds the distinct positions of an array and numbers them."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +9,7 @@ from dfd.mesh.weld import weld
 
 
 @given(arrays(np.int8, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(-1, 1)))
-def test_vertices_have_the_order_of_their_first_rows(values: np.ndarray) -> None:
+def test_vertices_have_the_order_of_their_first_rows(values):
     positions = values * 0.1
     first, vertex = weld(positions)
     assert np.array_equal(positions[first][vertex], positions)
@@ -19,7 +17,7 @@ def test_vertices_have_the_order_of_their_first_rows(values: np.ndarray) -> None
     assert np.all(np.diff(first) > 0)
 
 
-def test_minus_zero_equals_zero_and_there_is_no_tolerance() -> None:
+def test_minus_zero_equals_zero_and_there_is_no_tolerance():
     tiny = np.nextafter(0, 1)
     first, vertex = weld(np.array([(0.0, 0, 0), (-0.0, 0, 0), (tiny, 0, 0)]))
     assert first.tolist() == [0, 2]

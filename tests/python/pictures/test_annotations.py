@@ -1,7 +1,5 @@
 """Test the camera of pictures, and the labels on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE
@@ -15,20 +13,20 @@ MESH = Mesh(10 * CORNERS + 100, CUBE)
 SIDE = {"azimuth": 30.0, "elevation": 20.0}
 
 
-def projected(*, zoom: float = 1.0, target: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def projected(*, zoom=1.0, target=None):
     """Return the row and the column of vertex 7 in a picture of 200 × 200 pixels."""
     frame, camera = aim(MESH, MESH.vertices, **SIDE, zoom=zoom, target=target, frame=())
     return camera.project(frame.apply(MESH.vertices[[7]]), 200)
 
 
-def changed(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def changed(one, other):
     """Return the rows and the columns of all pixels in which two pictures differ."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other).max(axis=2) > 30)
     return rows, columns
 
 
 @pytest.mark.parametrize("zoom", [0.5, 1.0, 3.0])
-def test_the_camera_is_centered_on_the_target(zoom) -> None:
+def test_the_camera_is_centered_on_the_target(zoom):
     where = {**SIDE, "zoom": zoom, "target": MESH.vertices[7]}
     plain = picture(MESH, resolution=200, **where)
     row, column = projected(zoom=zoom, target=MESH.vertices[7])
@@ -37,7 +35,7 @@ def test_the_camera_is_centered_on_the_target(zoom) -> None:
     np.testing.assert_allclose([rows.mean(), columns.mean()], 99.5, atol=1.0)
 
 
-def test_labels_stand_beside_their_handles() -> None:
+def test_labels_stand_beside_their_handles():
     plain = picture(MESH, handles=[7], resolution=200, **SIDE)
     labelled = picture(MESH, handles=[7], labels=["12"], resolution=200, **SIDE)
     row, column = projected()

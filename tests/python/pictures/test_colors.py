@@ -1,14 +1,12 @@
 """Test the colors of weights and features."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from dfd.pictures.colors import feature_colors, oklab, weight_colors
 
 
-def test_heat_darkens_in_even_steps() -> None:
+def test_heat_darkens_in_even_steps():
     lab = oklab(weight_colors(np.linspace(0, 1, 101)))
     assert (np.diff(lab[:, 0]) < 0).all()
     steps = np.linalg.norm(np.diff(lab, axis=0), axis=1)
@@ -16,7 +14,7 @@ def test_heat_darkens_in_even_steps() -> None:
     assert steps.min() > 0.75 * np.median(steps)  # a step across a color stop cuts the corner, so it is shorter
 
 
-def test_similar_features_get_similar_colors() -> None:
+def test_similar_features_get_similar_colors():
     random = np.random.default_rng(1)
     centers = np.eye(8)[:4] * 4
     features = np.repeat(centers, 50, axis=0) + random.normal(scale=0.02, size=(200, 8))
@@ -28,7 +26,7 @@ def test_similar_features_get_similar_colors() -> None:
     assert colors.max() <= 1
 
 
-def test_feature_colors_do_not_depend_on_scale_offset_or_order() -> None:
+def test_feature_colors_do_not_depend_on_scale_offset_or_order():
     features = np.random.default_rng(2).normal(size=(300, 12))
     colors = feature_colors(features)
     np.testing.assert_allclose(feature_colors(features * 1000 + 5), colors, atol=2e-3)
@@ -36,7 +34,7 @@ def test_feature_colors_do_not_depend_on_scale_offset_or_order() -> None:
 
 
 @pytest.mark.parametrize("features", [np.ones((5, 4)), np.ones((1, 3)), np.zeros((4, 1))])
-def test_features_without_spread_are_gray(features: np.ndarray) -> None:
+def test_features_without_spread_are_gray(features):
     np.testing.assert_allclose(feature_colors(features), 0.5, atol=1e-6)
 
 
@@ -50,6 +48,6 @@ def test_features_without_spread_are_gray(features: np.ndarray) -> None:
         (lambda: feature_colors(np.ones((0, 4))), "`features` must not be empty"),
     ],
 )
-def test_refusals(call: object, message: str) -> None:
+def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
-        call()  # type: ignore[operator]
+        call()

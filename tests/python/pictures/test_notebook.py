@@ -1,7 +1,5 @@
 """Test pictures and progress bars in notebooks."""
 
-from __future__ import annotations
-
 import io
 from unittest import mock
 
@@ -19,14 +17,14 @@ from dfd.pictures.picture import picture
 MESH = Mesh(CORNERS, CUBE)
 
 
-def test_a_mesh_is_shown_by_a_notebook() -> None:
+def test_a_mesh_is_shown_by_a_notebook():
     shown = dfd.show(MESH, resolution=64, azimuth=10)
     np.testing.assert_array_equal(np.asarray(shown), picture(MESH, resolution=64, azimuth=10))
     with Image.open(io.BytesIO(shown._repr_png_())) as image:
         np.testing.assert_array_equal(np.asarray(image), np.asarray(shown))
 
 
-def test_a_session_is_shown_as_it_is_posed() -> None:
+def test_a_session_is_shown_as_it_is_posed():
     field = field_of(MESH)
     session = dfd.Deformer(MESH, field)
     resting = np.asarray(dfd.show(session, resolution=64, azimuth=20))
@@ -36,22 +34,20 @@ def test_a_session_is_shown_as_it_is_posed() -> None:
     assert "\n" not in repr(session) + repr(field) + repr(MESH)
 
 
-def test_bars_need_no_widgets_in_a_notebook() -> None:
+def test_bars_need_no_widgets_in_a_notebook():
     with mock.patch("rich.console._is_jupyter", return_value=True), Stages().stage("work", 2) as advance:
         advance(2)  # without ipywidgets, rich warns, and warnings are errors here
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_bars_are_only_drawn_in_a_terminal(
-    terminal: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bars_are_only_drawn_in_a_terminal(terminal, capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1") if terminal else monkeypatch.delenv("FORCE_COLOR", raising=False)
     with Stages().stage("work", 2) as advance:
         advance(2)
     assert ("work" in capsys.readouterr().err) == terminal
 
 
-def test_meshes_sessions_and_fields_show_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_meshes_sessions_and_fields_show_themselves(monkeypatch):
     field = field_of(MESH)
     session = dfd.Deformer(MESH, field)
     for shape in (MESH, session, field, field.with_surface(MESH)):

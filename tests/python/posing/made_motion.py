@@ -1,7 +1,5 @@
 """Make vertices, weights and transforms for the tests of posing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

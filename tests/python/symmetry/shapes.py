@@ -1,7 +1,5 @@
 """Make shapes and fields with known symmetries."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

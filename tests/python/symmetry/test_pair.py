@@ -6,7 +6,6 @@ from made_hook import hook, plane_of
 from made_tube import tube
 from scipy.spatial import cKDTree
 
-import dfd
 from dfd.posing.transforms import rotation_matrix
 from dfd.symmetry import pair as module
 from dfd.symmetry.fit import SurfaceSamples, fitted, samples_of
@@ -14,22 +13,19 @@ from dfd.symmetry.pair import isometry
 from dfd.symmetry.plane import SymmetryPlane
 
 
-def sampled(mesh: dfd.Mesh, vertices: np.ndarray) -> SurfaceSamples:
-    found = samples_of(vertices, mesh.faces)
-    assert found is not None
-    return found
+def sampled(mesh, vertices):
+    return samples_of(vertices, mesh.faces)
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[SurfaceSamples, SurfaceSamples]:
+def pair():
     """Return a hook and its mirror image in `plane_of()`."""
     mesh = hook()
     return sampled(mesh, mesh.vertices), sampled(mesh, plane_of().reflect(mesh.vertices))
 
 
-def error(found: np.ndarray | None, one: SurfaceSamples) -> float:
+def error(found, one):
     """Return the largest distance between the image of a component and its true mirror image, in its sizes."""
-    assert found is not None
     images = one.points @ found[:, :3].T + found[:, 3]
     return float(np.linalg.norm(images - plane_of().reflect(one.points), axis=1).max()) / one.size
 
@@ -61,7 +57,7 @@ def test_a_rotated_copy_is_neither_a_mirror_image_nor_a_translation(pair):
     assert isometry(pair[0], sampled(mesh, mesh.vertices @ turn.T + (2, 0, 1)), None) is None
 
 
-def test_two_wheels_that_a_translation_maps_are_no_isometrys():
+def test_of_two_wheels_the_translation_is_found_and_not_a_mirror_image():
     line = np.linspace(-0.1, 0.1, 9)
     wheel = tube(np.stack([line, 0 * line, 0 * line], axis=1), 0.5)
     found = isometry(sampled(wheel, wheel.vertices), sampled(wheel, wheel.vertices + (2, 0, 0)), None)
@@ -78,7 +74,6 @@ def test_ends_that_differ_do_not_move_the_plane(pair):
     images = plane_of().reflect(mesh.vertices)
     cut = mesh.faces[(mesh.vertices[mesh.faces].max(axis=1) < (0.93, 9, 9)).all(axis=1)]
     other = samples_of(images, cut)
-    assert other is not None
     assert error(isometry(pair[0], other, [plane_of(0, 0.9)]), pair[0]) < 0.06
 
 
@@ -103,12 +98,11 @@ def test_the_plane_between_two_components_does_not_depend_on_the_unit(unit):
     mesh, plane = hook(), plane_of()
     one, other = (sampled(mesh, unit * points) for points in (mesh.vertices, plane.reflect(mesh.vertices)))
     found = isometry(one, other, None)
-    assert found is not None
     np.testing.assert_allclose(found[:, :3], plane.reflection[:3, :3], atol=0.01)
     np.testing.assert_allclose(found[:, 3] / unit, plane.reflection[:3, 3], atol=0.01)
 
 
-def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
+def reflected(one, plane):
     """Return the exact mirror images of the samples of a component."""
     points = plane.reflect(one.points)
     normals = one.normals @ plane.reflection[:3, :3]
@@ -116,13 +110,13 @@ def reflected(one: SurfaceSamples, plane: SymmetryPlane) -> SurfaceSamples:
 
 
 @pytest.mark.parametrize(("angle", "offset"), [(0, 0.8), (4, 0.85), (12, 0.7)])
-def test_the_fit_finds_the_exact_plane_between_exact_isometrys(pair, angle, offset):
+def test_the_fit_finds_the_exact_plane_between_exact_mirror_images(pair, angle, offset):
     start = plane_of(angle, offset)
     found = fitted(pair[0], reflected(pair[0], plane_of()), start)
     assert error(found.reflection[:3], pair[0]) < 1e-9
 
 
-def test_a_isometry_of_another_size_is_none():
+def test_a_mirror_image_of_another_size_is_none():
     mesh = hook()
     larger = plane_of().reflect(1.4 * mesh.vertices)
     assert isometry(sampled(mesh, mesh.vertices), sampled(mesh, larger), None) is None
@@ -139,7 +133,7 @@ def test_the_misfit_is_the_distance_from_tangent_planes_nearby_and_from_samples_
     """Two flat strips, of which one is twice as long, and a third one beside them."""
     random = np.random.default_rng(0)
 
-    def strip(length: float, height: float) -> SurfaceSamples:
+    def strip(length, height):
         points = np.column_stack([random.uniform(0, length, 800), random.uniform(0, 0.3, 800), np.full(800, height)])
         return SurfaceSamples(points, np.tile([0.0, 0, 1], (800, 1)), cKDTree(points), float(np.hypot(length, 0.3)))
 

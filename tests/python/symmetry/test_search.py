@@ -1,7 +1,5 @@
 """Test the search for mirror planes: at any position, with asymmetric parts, and on asymmetric shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh
@@ -18,7 +16,7 @@ TURNS = [np.eye(3), *Rotation.random(3, random_state=7).as_matrix()]
 
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize("armed", [False, True])
-def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn: np.ndarray, armed: bool) -> None:
+def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn, armed):
     offset = (3.0, -1.0, 20.0)
     mesh = creature(turn, offset, armed=armed)
     planes = dfd.symmetry_planes(mesh, FoldedField(mirror_x, turn, offset))
@@ -32,7 +30,7 @@ def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn: np.ndarr
     assert planes[0].band == pytest.approx(0.03 * mesh.extents.max())
 
 
-def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them() -> None:
+def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them():
     (plane,) = dfd.symmetry_planes(creature(), FoldedField(mirror_x))
     assert plane.normal == (1.0, 0.0, 0.0)
     assert plane.offset == 0.0
@@ -42,7 +40,7 @@ def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them() -> None:
     assert plane.offset == 0.0
 
 
-def test_several_planes_are_ranked_and_merged() -> None:
+def test_several_planes_are_ranked_and_merged():
     planes = dfd.symmetry_planes(table(4), FoldedField(about_y(4)))
     assert not planes  # the features have rotational symmetry, but no mirror plane
     both = dfd.symmetry_planes(table(4), FoldedField(mirror_xz))
@@ -50,14 +48,14 @@ def test_several_planes_are_ranked_and_merged() -> None:
     assert [plane.relative_score for plane in both] == sorted(plane.relative_score for plane in both)
 
 
-def test_features_decide_and_not_the_form_alone() -> None:
+def test_features_decide_and_not_the_form_alone():
     """Every plane through the center of a ball is a mirror plane, but its features have only one."""
     ball = trimesh.creation.icosphere(4)
     planes = dfd.symmetry_planes(Mesh(ball.vertices, ball.faces), FoldedField(mirror_x))
     assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]
 
 
-def test_the_own_plane_of_a_flat_shape_is_none() -> None:
+def test_the_own_plane_of_a_flat_shape_is_none():
     plate = creature()
     flat = Mesh(plate.vertices * [1, 1, 0.02], plate.faces)
     planes = dfd.symmetry_planes(flat, FoldedField(mirror_x))
@@ -66,11 +64,11 @@ def test_the_own_plane_of_a_flat_shape_is_none() -> None:
     assert [plane.normal for plane in dfd.symmetry_planes(sheet, FoldedField(mirror_x))] == [(1.0, 0.0, 0.0)]
 
 
-def test_a_shape_without_symmetry_has_none() -> None:
+def test_a_shape_without_symmetry_has_none():
     assert dfd.symmetry_planes(creature(armed=True), FoldedField(lambda points: points)) == []
 
 
-def test_a_threshold_goes_by_the_score_of_the_paper() -> None:
+def test_a_threshold_goes_by_the_score_of_the_paper():
     field, mesh = FoldedField(mirror_x), creature()
     planes = dfd.symmetry_planes(mesh, field, threshold=9.0)
     assert planes == scored_planes(field, mesh)
@@ -79,7 +77,7 @@ def test_a_threshold_goes_by_the_score_of_the_paper() -> None:
     assert plane.score == pytest.approx(reflected, abs=1e-6)
 
 
-def test_the_planes_of_the_paper_stay_available() -> None:
+def test_the_planes_of_the_paper_stay_available():
     field, mesh = FoldedField(mirror_x), creature()
     planes = dfd.symmetry_planes(mesh, field, threshold=9.0, candidates="axes")
     assert sorted(plane.normal for plane in planes) == [(0, 0, 1), (0, 1, 0), (1, 0, 0)]
@@ -88,7 +86,7 @@ def test_the_planes_of_the_paper_stay_available() -> None:
     assert plane.normal == (1.0, 0.0, 0.0)
 
 
-def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch):
     monkeypatch.setattr(search, "_SCORED_VERTICES", 100)
     field, mesh = FoldedField(mirror_x), creature()
     for plane in dfd.symmetry_planes(mesh, field, threshold=9.0, candidates="axes"):
@@ -97,7 +95,7 @@ def test_the_score_of_the_paper_is_of_all_vertices(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_size_does_not_matter(scale: float) -> None:
+def test_size_does_not_matter(scale):
     mesh = creature()
     field = FoldedField(mirror_x)
     (plane,) = dfd.symmetry_planes(Mesh(mesh.vertices * scale, mesh.faces), lambda points: field(points / scale))
@@ -106,7 +104,7 @@ def test_size_does_not_matter(scale: float) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("change", [None, "doubled", "shifted", "smaller", "some alone", "most alone"])
-def test_exactly_mirrored_vertices_give_the_exact_offset(axis: int, change: str | None) -> None:
+def test_exactly_mirrored_vertices_give_the_exact_offset(axis, change):
     random = np.random.default_rng(2)
     one = random.random((100, 3))
     place, middle = one, 0.3
@@ -123,7 +121,7 @@ def test_exactly_mirrored_vertices_give_the_exact_offset(axis: int, change: str 
 
 
 @pytest.mark.parametrize("vertices", [np.zeros((3, 3)), np.eye(3), np.arange(9.0).reshape(3, 3)])
-def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
+def test_meshes_of_one_face_or_none_with_an_area(vertices):
     planes = dfd.symmetry_planes(Mesh(vertices, [(0, 1, 2)]), FoldedField(lambda points: points))
     assert all(np.isfinite([*plane.normal, plane.offset, plane.score]).all() for plane in planes)
 
@@ -136,6 +134,6 @@ def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
         ({"candidates": "all"}, "`candidates` must be one of any, axes, got 'all'"),
     ],
 )
-def test_bad_options_are_refused(options: dict, message: str) -> None:
+def test_bad_options_are_refused(options, message):
     with pytest.raises(ValueError, match="symmetry_planes: " + message):
         dfd.symmetry_planes(creature(), FoldedField(mirror_x), **options)

@@ -1,7 +1,5 @@
 """Provide an encoder for the tests of the up direction."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

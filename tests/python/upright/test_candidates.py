@@ -1,7 +1,5 @@
 """Test the up direction: accepted values, the search for it, and its effect on pictures."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

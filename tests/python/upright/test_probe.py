@@ -1,7 +1,5 @@
 """Test pictures around a shape, their votes for the up direction, and the file of a probe."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_table import probe_of, table

@@ -1,7 +1,5 @@
 """Test the cues of a surface for its up direction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from made_table import table

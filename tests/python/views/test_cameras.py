@@ -1,26 +1,24 @@
 """Test cameras: even directions, orthonormal bases, tight framing of the whole shape, and mirrored pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfd.views.cameras import CLEARANCE, MARGIN, Camera, camera_towards, fibonacci_directions, place_cameras
+from dfd.views.cameras import CLEARANCE, MARGIN, camera_towards, fibonacci_directions, place_cameras
 
 
-def cloud(seed: int, count: int, stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> np.ndarray:
+def cloud(seed, count, stretch=(1.0, 1.0, 1.0)):
     points = np.random.default_rng(seed).normal(size=(count, 3)) * stretch
     points -= (points.max(axis=0) + points.min(axis=0)) / 2
     return (points / np.abs(points).max()).astype(np.float32)
 
 
-def depths(camera: Camera, points: np.ndarray) -> np.ndarray:
+def depths(camera, points):
     return -(points - camera.position) @ camera.back
 
 
-def test_directions_spread_evenly_over_the_sphere() -> None:
+def test_directions_spread_evenly_over_the_sphere():
     for count in (1, 2, 3, 24, 200):
         directions = fibonacci_directions(count)
         assert directions.shape == (count, 3)
@@ -34,7 +32,7 @@ def test_directions_spread_evenly_over_the_sphere() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 24, 25, 26, 27])
 @pytest.mark.parametrize("axis", [0, 2])
-def test_mirrored_directions_are_their_own_mirror_images(count: int, axis: int) -> None:
+def test_mirrored_directions_are_their_own_mirror_images(count, axis):
     directions = fibonacci_directions(count, mirrored=True)
     assert directions.shape == (count, 3)
     assert np.linalg.norm(directions, axis=1) == pytest.approx(1)
@@ -46,7 +44,7 @@ def test_mirrored_directions_are_their_own_mirror_images(count: int, axis: int) 
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0), (1e-9, 1, -1e-9), (0.03, -1, 0.01)])
-def test_axes_are_orthonormal_from_everywhere(direction: tuple[float, float, float]) -> None:
+def test_axes_are_orthonormal_from_everywhere(direction):
     camera = camera_towards(direction, cloud(0, 20))
     axes = np.stack([camera.right, camera.up, camera.back])
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
@@ -55,7 +53,7 @@ def test_axes_are_orthonormal_from_everywhere(direction: tuple[float, float, flo
     assert camera.up[1] >= -1e-8
 
 
-def test_rays_and_projection_agree_on_pixel_centers() -> None:
+def test_rays_and_projection_agree_on_pixel_centers():
     camera = camera_towards((0.3, 0.4, -0.8), cloud(1, 50), field_of_view=40)
     directions = camera.ray_directions(7).astype(np.float64)
     assert np.linalg.norm(directions, axis=1) == pytest.approx(1.0, abs=1e-6)
@@ -73,9 +71,7 @@ def test_rays_and_projection_agree_on_pixel_centers() -> None:
     stretch=st.tuples(*[st.sampled_from([1.0, 0.1, 1e-3, 0.0])] * 3),
     mirrored=st.booleans(),
 )
-def test_framing_cuts_nothing_off_and_is_tight(
-    seed: int, count: int, stretch: tuple[float, float, float], mirrored: bool
-) -> None:
+def test_framing_cuts_nothing_off_and_is_tight(seed, count, stretch, mirrored):
     if not any(stretch):
         return
     points = cloud(seed, count, stretch)
@@ -92,7 +88,7 @@ def test_framing_cuts_nothing_off_and_is_tight(
             assert min(rims) < 0.05  # the shape touches two opposite sides of the picture
 
 
-def test_the_paper_looks_at_the_origin_from_its_distance() -> None:
+def test_the_paper_looks_at_the_origin_from_its_distance():
     for camera in place_cameras(6, cloud(0, 10), framing="paper"):
         assert np.linalg.norm(camera.position) == pytest.approx(2.8)
         row, column = camera.project(np.zeros((1, 3)), 101)
@@ -101,7 +97,7 @@ def test_the_paper_looks_at_the_origin_from_its_distance() -> None:
 
 @pytest.mark.parametrize("framing", ["shape", "paper"])
 @pytest.mark.parametrize("axis", [0, 2])
-def test_mirrored_cameras_are_mirror_images(framing: str, axis: int) -> None:
+def test_mirrored_cameras_are_mirror_images(framing, axis):
     mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
     points = cloud(4, 100)
     points = np.concatenate([points, points * mirror.astype(np.float32)])
@@ -118,12 +114,12 @@ def test_mirrored_cameras_are_mirror_images(framing: str, axis: int) -> None:
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.0, True, "3", None])
-def test_bad_counts_are_refused(count: object) -> None:
+def test_bad_counts_are_refused(count):
     with pytest.raises(ValueError, match="fibonacci_directions: `count` must be a whole number"):
-        fibonacci_directions(count)  # type: ignore[arg-type]
+        fibonacci_directions(count)
 
 
-def test_bad_framing_and_field_of_view_are_refused() -> None:
+def test_bad_framing_and_field_of_view_are_refused():
     with pytest.raises(ValueError, match="`framing` must be one of shape, paper, got 'tight'"):
         place_cameras(3, cloud(0, 10), framing="tight")
     for angle in (0, -30, 180, 200, float("nan")):

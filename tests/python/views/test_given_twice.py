@@ -1,9 +1,5 @@
 """A file that has its shape twice, as front and back copies, gives the encoder the pictures of one copy."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mesh_files import CORNERS, CUBE, Gltf, write
@@ -15,7 +11,7 @@ from dfd.views.render import render
 RED = "1 0 0"
 
 
-def text(vertices: np.ndarray, faces: np.ndarray, ending: str) -> str | bytes:
+def text(vertices, faces, ending):
     rows = [f"{x:g} {y:g} {z:g} {RED}" for x, y, z in vertices.tolist()]
     if ending == "obj":
         return "\n".join([*(f"v {row}" for row in rows), *("f {} {} {}".format(*face) for face in faces + 1), ""])
@@ -25,7 +21,7 @@ def text(vertices: np.ndarray, faces: np.ndarray, ending: str) -> str | bytes:
 
 @pytest.mark.parametrize("ending", ["obj", "off", "glb"])
 @pytest.mark.parametrize("apart", [False, True])
-def test_copies_change_no_picture(ending: str, apart: bool, tmp_path: Path) -> None:
+def test_copies_change_no_picture(ending, apart, tmp_path):
     """The back copies use the vertices of the front ones, or vertices of their own."""
     pictures = []
     for twice in (False, True):

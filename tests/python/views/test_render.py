@@ -1,7 +1,5 @@
 """Test views: the surface point of each pixel (Eq. 2), and pictures that depend only on the shape."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,23 +11,23 @@ MIRROR = np.array([-1.0, 1.0, 1.0], np.float32)
 
 
 @pytest.fixture(scope="module")
-def robot() -> Mesh:
+def robot():
     return dfd.samples.robot(faces=4000).mesh
 
 
 @pytest.fixture(scope="module")
-def seen(robot: Mesh) -> Views:
+def seen(robot):
     return render(robot, views=6, resolution=40)
 
 
-def lopsided() -> Mesh:
+def lopsided():
     """Return a tetrahedron with four different sides."""
     return Mesh(
         [[0, 0, 0], [1, 0.1, 0], [0.2, 0.7, 0.1], [0.3, 0.2, 0.9]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
     )
 
 
-def same(one: Views, other: Views, tolerance: float) -> None:
+def same(one, other, tolerance):
     """Assert that two sets of views are equal, except for rounding at a few pixels of outlines."""
     differs = np.abs(one.images.astype(int) - other.images).max(axis=-1) > 1
     assert differs.mean() < 2e-3
@@ -43,7 +41,7 @@ def same(one: Views, other: Views, tolerance: float) -> None:
     assert (apart > tolerance).mean() < 2e-3
 
 
-def test_points_lie_on_the_nearest_triangle() -> None:
+def test_points_lie_on_the_nearest_triangle():
     mesh = lopsided()
     views = render(mesh, views=5, resolution=24)
     places = (mesh.vertices - views.center) * views.scale
@@ -67,7 +65,7 @@ def test_points_lie_on_the_nearest_triangle() -> None:
         assert views.points[here][pixel_hit] == pytest.approx(expected, abs=1e-5)
 
 
-def test_points_are_in_the_box_and_center_and_scale_bring_them_back(robot: Mesh, seen: Views) -> None:
+def test_points_are_in_the_box_and_center_and_scale_bring_them_back(robot, seen):
     assert np.abs(seen.points).max() <= 1 + 1e-6
     back = seen.points / seen.scale + seen.center
     assert (back >= robot.bounds[0] - 1e-6).all()
@@ -75,19 +73,19 @@ def test_points_are_in_the_box_and_center_and_scale_bring_them_back(robot: Mesh,
 
 
 @pytest.mark.parametrize(("offset", "scale"), [(1e6, 1.0), (0.0, 1e-12), (0.0, 1e-200), (0.0, 1e200), (-3e8, 1e6)])
-def test_place_and_size_do_not_matter(robot: Mesh, seen: Views, offset: float, scale: float) -> None:
+def test_place_and_size_do_not_matter(robot, seen, offset, scale):
     moved = render(Mesh(robot.vertices * scale + offset, robot.faces), views=6, resolution=40)
     same(seen, moved, 1e-3)
 
 
-def test_equal_calls_give_equal_bytes(robot: Mesh, seen: Views) -> None:
+def test_equal_calls_give_equal_bytes(robot, seen):
     dfd.set_num_threads(1)
     again = render(robot, views=6, resolution=40)
     for name in ("images", "points", "view", "row", "column"):
         assert getattr(seen, name).tobytes() == getattr(again, name).tobytes()
 
 
-def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
+def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot):
     half = Mesh(robot.vertices + [0.3, 0, 0], robot.faces)
     both = Mesh(
         np.concatenate([half.vertices, half.vertices * MIRROR]),
@@ -95,7 +93,7 @@ def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
     )
     views = render(both, views=8, resolution=60, mirrored=True)
 
-    def part(start: int) -> Views:
+    def part(start):
         here = views.view // 2 == start // 2
         points = views.points[here] * (MIRROR if start else 1)
         place = (views.view[here] - start, views.row[here], views.column[here], views.face[here])
@@ -105,7 +103,7 @@ def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
     same(part(0), part(2), 1e-4)
 
 
-def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
+def test_vertex_supervision_returns_the_visible_vertices_only():
     mesh = lopsided()
     views = render(mesh, views=12, resolution=64, supervision="vertex")
     places = ((mesh.vertices - views.center) * views.scale).astype(np.float32)
@@ -123,7 +121,7 @@ def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
         assert column == pytest.approx(views.column[here], abs=1e-3)
 
 
-def test_a_shape_without_area_is_refused() -> None:
+def test_a_shape_without_area_is_refused():
     line = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2], [0, 0, 1]])
     for supervision in ("barycentric", "vertex"):
         with pytest.raises(ValueError, match="render: no camera ray hits `mesh`"):
@@ -142,13 +140,13 @@ def test_a_shape_without_area_is_refused() -> None:
         ({"simplify_to": 0}, "`simplify_to` must be a whole number of at least 4, got 0"),
     ],
 )
-def test_bad_arguments_are_named(options: dict[str, object], message: str) -> None:
+def test_bad_arguments_are_named(options, message):
     with pytest.raises(ValueError, match=f"render: {message}"):
-        render(lopsided(), **options)  # type: ignore[arg-type]
+        render(lopsided(), **options)
 
 
 @pytest.mark.parametrize("supervision", ["barycentric", "vertex"])
-def test_covered_pixels_are_those_that_show_something(supervision: str) -> None:
+def test_covered_pixels_are_those_that_show_something(supervision):
     views = render(samples.robot(4000).mesh, views=3, resolution=70, supervision=supervision)
     place = (views.view, np.rint(views.row).astype(int), np.rint(views.column).astype(int))
     assert views.covered[place].all()

@@ -1,14 +1,12 @@
 """Test light, colors and transparent surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from dfd import Mesh
 from dfd.mesh.appearance import GRAY, Appearance, Material, blend
 from dfd.mesh.normals import smooth_normals
-from dfd.views.cameras import Camera, camera_towards
+from dfd.views.cameras import camera_towards
 from dfd.views.raycast import Scene
 from dfd.views.shading import AMBIENT, DIFFUSE, Shading, facing
 
@@ -16,7 +14,7 @@ SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
 TWO = np.array([[0, 1, 2], [0, 2, 3]])
 
 
-def squares(*layers: tuple[float, Material]) -> Mesh:
+def squares(*layers):
     """Return parallel squares, each with its z and its material."""
     vertices = np.concatenate([SQUARE + [0, 0, z] for z, _ in layers])
     faces = np.concatenate([TWO + 4 * index for index in range(len(layers))]).astype(np.int32)
@@ -30,21 +28,21 @@ def squares(*layers: tuple[float, Material]) -> Mesh:
     return Mesh(vertices, faces, appearance=appearance)
 
 
-def look(mesh: Mesh, direction: tuple[float, float, float] = (0, 0, 1), resolution: int = 21, **options: object):
+def look(mesh, direction=(0, 0, 1), resolution=21, **options):
     vertices = mesh.vertices.astype(np.float32)
-    camera = camera_towards(direction, vertices, **options)  # type: ignore[arg-type]
+    camera = camera_towards(direction, vertices, **options)
     shading = Shading(Scene(vertices, mesh.faces), mesh, vertices)
     return (*shading.picture(camera, resolution), camera)
 
 
-def lit(value: float, camera: Camera, resolution: int = 21, row: int = 10, column: int = 10) -> float:
+def lit(value, camera, resolution=21, row=10, column=10):
     """Return the expected pixel, from 0 to 255, of a surface that faces +z and has the gray `value` in [0, 1]."""
     direction = camera.ray_directions(resolution)[row * resolution + column]
     return value * (AMBIENT + DIFFUSE * abs(direction[2])) * 255
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_light_is_at_the_eye_and_back_faces_are_lit_alike(side: int) -> None:
+def test_light_is_at_the_eye_and_back_faces_are_lit_alike(side):
     image, hits, camera = look(Mesh(SQUARE, TWO), (0.3, 0.2, side), field_of_view=50)
     for index, ray in enumerate(hits.ray[:: len(hits.ray) // 10]):
         row, column = divmod(int(ray), 21)
@@ -55,7 +53,7 @@ def test_light_is_at_the_eye_and_back_faces_are_lit_alike(side: int) -> None:
     assert (image.reshape(-1, 3)[missed] == 255).all()
 
 
-def test_normals_are_smooth_over_a_sphere() -> None:
+def test_normals_are_smooth_over_a_sphere():
     import trimesh
 
     ball = trimesh.creation.icosphere(3)
@@ -70,12 +68,12 @@ def test_normals_are_smooth_over_a_sphere() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e200])
-def test_normals_do_not_depend_on_size(scale: float) -> None:
+def test_normals_do_not_depend_on_size(scale):
     assert smooth_normals(SQUARE * scale, TWO.astype(np.int32)) == pytest.approx(np.tile([0, 0, 1.0], (4, 1)))
     assert (smooth_normals(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)) == 0).all()
 
 
-def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
+def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal():
     mesh = Mesh(SQUARE, np.concatenate([TWO, TWO[:, ::-1]]))
     assert (mesh.normals == 0).all()
     image, _, camera = look(mesh, (0, 0.5, 1))
@@ -84,7 +82,7 @@ def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
     assert image[10, 10, 0] == pytest.approx(lit(GRAY, camera), abs=0.51)
 
 
-def test_holes_of_a_masked_texture_show_what_lies_behind() -> None:
+def test_holes_of_a_masked_texture_show_what_lies_behind():
     texture = np.full((2, 2, 4), 255, np.uint8)
     texture[:, 0, 3] = 0  # the left half is transparent
     front = Material((0.5, 0.5, 0.5, 1.0), texture=texture, wrap=("clamp", "clamp"), alpha_mode="MASK")
@@ -105,7 +103,7 @@ def test_holes_of_a_masked_texture_show_what_lies_behind() -> None:
     assert set(hits.face.tolist()) <= {2, 3}
 
 
-def test_glass_tints_what_lies_behind_and_is_not_the_surface() -> None:
+def test_glass_tints_what_lies_behind_and_is_not_the_surface():
     glass = Material((0.0, 0.0, 1.0, 0.25), alpha_mode="BLEND")
     wall = Material((0.8, 0.4, 0.0, 1.0))
     image, hits, camera = look(squares((0.5, glass), (-0.5, wall)))
@@ -119,7 +117,7 @@ def test_glass_tints_what_lies_behind_and_is_not_the_surface() -> None:
     assert image[10, 10] == pytest.approx([0.75 * 255, 0.75 * 255, (0.25 * share + 0.75) * 255], abs=0.6)
 
 
-def test_colors_come_through_blended() -> None:
+def test_colors_come_through_blended():
     colors = np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [1, 1, 1, 1]], np.float32)
     appearance = Appearance(
         corners=np.arange(4, dtype=np.int32),

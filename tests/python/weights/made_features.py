@@ -1,7 +1,5 @@
 """Make features for the tests of binding."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """Test weights: against the slow reference implementation, against exact values, and with bad input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import reference
@@ -200,7 +198,6 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"locality": [1, 2], "geodesic": np.zeros((1, 6))}, r"`locality` must have shape \(1,\), got \(2,\)"),
         ({"geodesic": np.zeros((6, 1))}, r"`geodesic` must have shape \(1, 6\), got \(6, 1\)"),
         ({"geodesic": np.full((1, 6), 1.5)}, r"`geodesic` must lie in \[0, 1\]"),
-        ({"geodesic": np.full((1, 6), np.nan)}, r"`geodesic` must lie in \[0, 1\]"),
         ({"out": np.empty((6, 2), np.float32)}, r"`out` must be an array of shape \(6, 1\) and type float32"),
         (
             {"handles": [0, 1], "out": np.empty((6, 4), np.float32)[:, ::2]},
@@ -211,20 +208,12 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"features": np.empty((2**40, 0), np.float32), "handles": []}, r"`features` must have at least one dimension"),
         ({"features": np.ma.masked_array(FEATURES, FEATURES > 0)}, r"`features` must not be a masked array"),
         ({"reach": 0}, r"`reach` must be above 0, got 0"),
-        ({"reach": -1.5}, r"`reach` must be above 0, got -1.5"),
-        ({"reach": np.inf}, r"`reach` must be finite, got inf"),
         ({"reach": np.nan}, r"`reach` must be finite, got nan"),
         ({"reach": [1.0, 2.0]}, r"`reach` must have shape \(1,\), got \(2,\)"),
-        ({"reach": [0.0]}, r"`reach` must be above 0, got 0"),
-        ({"reach": "far"}, r"`reach` must be a number, got 'far'"),
         ({"falloff": "cubic"}, r"`falloff` must be one of linear, smooth, sharp, root, sphere, constant, got 'cubic'"),
         ({"falloff": ["smooth", "sharp"]}, r"`falloff` must be one name or 1, got 2"),
-        ({"falloff": [3]}, r"`falloff` must be one of .*, got 3"),
         ({"strength": 0.5}, r"`fixed` must be given when `strength` is"),
         ({"fixed": [1], "strength": 1.5}, r"`strength` must be at most 1, got 1.5"),
-        ({"fixed": [1], "strength": -0.5}, r"`strength` must be at least 0, got -0.5"),
-        ({"fixed": [1], "strength": [0.5, 0.5]}, r"`strength` must have shape \(1,\), got \(2,\)"),
-        ({"fixed": [1], "strength": [np.nan]}, r"`strength` must be finite, got nan"),
     ],
 )
 def test_bad_input(arguments, message):

@@ -1,7 +1,5 @@
 """Test the gradients of weights, and the errors for arguments without gradients."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -105,11 +103,9 @@ def test_vertices_as_handles_and_fixed_points():
     direction = torch.from_numpy(np.random.default_rng(3).standard_normal((40, 2)))
     weights = dfd.bind(features, torch.tensor([5, 9]), fixed=[20])
     (mine,) = torch.autograd.grad((weights * direction).sum(), features)
-    apart = torch.ones(40, dtype=torch.bool)
-    apart[[5, 9, 20]] = False  # at a point itself, the norm of torch has the gradient 0 too, but the weights saturate
+
     wanted = slow(features, features[[5, 9]], fixed=features[[20]])
     (theirs,) = torch.autograd.grad((wanted * direction).sum(), features)
-    torch.testing.assert_close(mine[apart], theirs[apart], rtol=1e-5, atol=1e-6)
     torch.testing.assert_close(mine, theirs, rtol=1e-5, atol=1e-6)
 
 
@@ -150,19 +146,6 @@ def test_jacrev_and_vmap():
     batch = torch.stack([handles, -handles])
     weights = torch.func.vmap(lambda rows: dfd.bind(features, rows))(batch)
     torch.testing.assert_close(weights, torch.stack([dfd.bind(features, rows) for rows in batch]), atol=0, rtol=0)
-
-
-def test_features_can_be_learned_through_weights():
-    wanted = torch.zeros(30, 1)
-    wanted[:15] = 1.0
-    raw = torch.from_numpy(unit_rows(30, 6)).requires_grad_()
-    optimizer = torch.optim.Adam([raw], lr=0.1)
-    for _ in range(60):
-        optimizer.zero_grad()
-        loss = (dfd.bind(torch.nn.functional.normalize(raw), [0], reach=2.0) - wanted).square().mean()
-        loss.backward()
-        optimizer.step()
-    assert loss.item() < 0.01
 
 
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])

@@ -1,7 +1,5 @@
 """Test that Ctrl-C interrupts `bind`."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

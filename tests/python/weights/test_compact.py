@@ -1,7 +1,5 @@
 """Test compact features: weights within the tolerance, exactly 1 at a handle, nearly equal on all instruction sets."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

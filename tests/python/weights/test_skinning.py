@@ -1,7 +1,5 @@
 """Test weights for usual skinning: they sum to 1, and give the vertices of `dfd.pose`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

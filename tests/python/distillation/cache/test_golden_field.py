@@ -3,9 +3,6 @@
 The numbers hold to 1e-3 on any machine.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,7 +39,7 @@ SETTINGS: dict[str, dict[str, Any]] = {"default": {"steps": 40, "batch": 128}, "
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_the_golden_field(preset: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_golden_field(preset, tmp_path, monkeypatch):
     monkeypatch.setattr(smoothing, "SURFACE_SAMPLES", 600)
     encoder = load_encoder(
         save_tiny_encoder(tmp_path / "tiny"), device="cpu", precision="float32", background=preset == "paper"

@@ -1,13 +1,9 @@
 """Files from strangers: nothing private is read or written, nothing waits, counts are bounded before allocation."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
 import os
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +11,12 @@ from mesh_files import checkered, header_and_data, look_of, obj_cube, textured_q
 from PIL import Image
 
 from dfd.mesh.file import assets
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import load
 
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY----- secret"
 
 
-def outside(tmp_path: Path, change: Any) -> Path:
+def outside(tmp_path, change):
     """A glTF file of a textured square with its data and its picture in files beside it, changed."""
     gltf = textured_quad(tmp_path)
     write(tmp_path / "data.bin", gltf.data)
@@ -30,16 +26,16 @@ def outside(tmp_path: Path, change: Any) -> Path:
     return write(tmp_path / "quad.gltf", json.dumps(gltf.header))
 
 
-def private(tmp_path: Path, name: str) -> Path:
+def private(tmp_path, name):
     (tmp_path / name).parent.mkdir(exist_ok=True)
     return write(tmp_path / name, SECRET + bytes(2000))
 
 
 @pytest.mark.parametrize("name", ["notes.txt", ".ssh/id_rsa", "keys.png", "%2Essh/id_rsa"])
-def test_private_files_are_not_saved(name: str, tmp_path: Path) -> None:
+def test_private_files_are_not_saved(name, tmp_path):
     private(tmp_path, name.replace("%2E", "."))
 
-    def add(header: dict) -> None:
+    def add(header):
         header["images"].append({"uri": name})
         header["buffers"].append({"uri": name, "byteLength": 100})
         header["bufferViews"].append({"buffer": 1, "byteLength": 100})
@@ -65,14 +61,14 @@ def test_private_files_are_not_saved(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["notes.txt", ".ssh/id_rsa", "keys.png", "../above.png"])
 @pytest.mark.parametrize("slot", ["baseColorTexture", "normalTexture"])
-def test_what_is_shown_as_a_picture_must_be_one(name: str, slot: str, tmp_path: Path) -> None:
+def test_what_is_shown_as_a_picture_must_be_one(name, slot, tmp_path):
     folder = tmp_path / "inside"
     folder.mkdir()
     private(folder, name)
     if name == "../above.png":
         checkered(tmp_path / "above.png")
 
-    def show(header: dict) -> None:
+    def show(header):
         header["images"].append({"uri": name})
         header["textures"].append({"source": 1})
         owner = header["materials"][0]
@@ -90,7 +86,7 @@ def test_what_is_shown_as_a_picture_must_be_one(name: str, slot: str, tmp_path: 
     assert header_and_data(tmp_path / "out.glb")[0]["images"][1] == {"uri": name}
 
 
-def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     folder = tmp_path / "inside"
     folder.mkdir()
     path = outside(folder, lambda header: None)
@@ -101,8 +97,8 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_pipes_and_devices_are_refused_and_not_waited_for(kind: str, tmp_path: Path) -> None:
-    def put(name: str) -> None:
+def test_pipes_and_devices_are_refused_and_not_waited_for(kind, tmp_path):
+    def put(name):
         (tmp_path / name).unlink(missing_ok=True)
         if kind == "pipe":
             os.mkfifo(tmp_path / name)
@@ -124,13 +120,13 @@ def test_pipes_and_devices_are_refused_and_not_waited_for(kind: str, tmp_path: P
 # --- pictures ---
 
 
-def large_picture(width: int, height: int) -> bytes:
+def large_picture(width, height):
     stream = io.BytesIO()
     Image.new("1", (width, height)).save(stream, "PNG")
     return stream.getvalue()
 
 
-def test_a_picture_too_large_to_decode_is_gray(tmp_path: Path) -> None:
+def test_a_picture_too_large_to_decode_is_gray(tmp_path):
     gltf = textured_quad(tmp_path)
     gltf.header["images"][0]["bufferView"] = gltf.view(large_picture(12_000, 12_000))
     path = write(tmp_path / "bomb.glb", gltf.glb())
@@ -140,7 +136,7 @@ def test_a_picture_too_large_to_decode_is_gray(tmp_path: Path) -> None:
     assert mesh.appearance is None
 
 
-def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_pictures_of_a_file_share_one_budget(tmp_path, monkeypatch):
     monkeypatch.setattr(assets, "MOST_TEXELS", 100)
     materials, faces = [], []
     for number in range(3):
@@ -150,7 +146,6 @@ def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: py
     write(tmp_path / "cube.mtl", "".join(materials))
     with pytest.warns(UserWarning, match=r"names 2\.png, which could not be read"):
         look = load(write(tmp_path / "cube.obj", "mtllib cube.mtl\nvt 0 0\n" + obj_cube() + "".join(faces))).appearance
-    assert look is not None
     assert [each.texture is None for each in look.materials].count(False) == 2
 
 
@@ -160,13 +155,13 @@ def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: py
 TEXT = "password = hunter2\n"
 
 
-def stranger(folder: Path, library: str, content: str) -> Mesh:
+def stranger(folder, library, content):
     folder.mkdir()
     write(folder / library, content)
     return load(write(folder / "chair.obj", f"mtllib {library}\n" + obj_cube().replace("f ", "usemtl wood\nf ", 1)))
 
 
-def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path: Path) -> None:
+def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path):
     mesh = stranger(tmp_path / "in", "json.py", TEXT + "newmtl wood\nKd 1 0 0\nnewmtl other\nKd 0 1 0\n")
     (tmp_path / "out").mkdir()
     mesh.save(tmp_path / "out" / "chair.obj", mesh.vertices + 1)
@@ -176,7 +171,7 @@ def test_only_used_materials_are_written_under_the_name_of_the_file(tmp_path: Pa
     assert any(each.color == (1, 0, 0, 1) for each in look_of(tmp_path / "out" / "chair.obj").materials)
 
 
-def test_a_picture_is_written_under_the_name_of_one(tmp_path: Path) -> None:
+def test_a_picture_is_written_under_the_name_of_one(tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
     checkered(folder / "paint.png").rename(folder / "json.py")
@@ -189,7 +184,7 @@ def test_a_picture_is_written_under_the_name_of_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["obj", "glb"])
-def test_materials_of_another_file_are_never_overwritten(kind: str, tmp_path: Path) -> None:
+def test_materials_of_another_file_are_never_overwritten(kind, tmp_path):
     if kind == "glb":
         mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
     else:

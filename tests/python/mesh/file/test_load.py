@@ -1,10 +1,6 @@
 """Reading: what every format gives, and what is refused with one sentence."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 import trimesh
@@ -16,7 +12,7 @@ FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> None:
+def test_a_plain_cube_is_read_from_every_format(ending, tmp_path):
     path = tmp_path / f"cube.{ending}"
     trimesh.Scene(trimesh.Trimesh(CORNERS, CUBE, process=False)).export(path) if ending != "off" else trimesh.Trimesh(
         CORNERS, CUBE, process=False
@@ -28,7 +24,7 @@ def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> 
     assert repr(mesh) == f"Mesh(cube.{ending}: 8 vertices, 12 faces)"
 
 
-def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path: Path) -> None:
+def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path):
     text = """
         v 0 0 0
         v 1 0 0
@@ -60,14 +56,14 @@ def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(
     assert mesh.part_vertices("later").tolist() == [1, 3, 4]
 
 
-def test_parts_that_touch_share_their_vertices(tmp_path: Path) -> None:
+def test_parts_that_touch_share_their_vertices(tmp_path):
     gltf = Gltf()
     for name, offset in (("left", 0), ("right", 1)):
         gltf.node(name=name, mesh=gltf.mesh(name, CORNERS + [offset, 0, 0], CUBE))
     assert len(load(write(tmp_path / "touching.glb", gltf.glb())).vertices) == 12
 
 
-def reads(path: Path) -> str:
+def reads(path):
     with pytest.raises((ValueError, OSError)) as caught:
         load(path)
     message = str(caught.value)
@@ -104,12 +100,12 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("facet.stl", "solid\nfacet normal 0 0 0\n", "it is cut off: it begins 1 faces, ends 0"),
     ],
 )
-def test_malformed_files_get_one_sentence(name: str, content: str | bytes, message: str, tmp_path: Path) -> None:
+def test_malformed_files_get_one_sentence(name, content, message, tmp_path):
     found = reads(write(tmp_path / name, content))
     assert re.search(message, found), found
 
 
-def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
+def test_files_that_cannot_be_opened(tmp_path):
     with pytest.raises(FileNotFoundError, match="could not be read: No such file"):
         load(tmp_path / "absent.obj")
     (tmp_path / "folder.obj").mkdir()
@@ -117,11 +113,11 @@ def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
         load(tmp_path / "folder.obj")
 
 
-def nested(depth: int) -> list:
+def nested(depth):
     return [nested(depth - 1)] if depth else []
 
 
-def break_header(change: Callable[[dict], object]) -> bytes:
+def break_header(change):
     gltf = Gltf()
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
     change(gltf.header)
@@ -152,9 +148,7 @@ def break_header(change: Callable[[dict], object]) -> bytes:
         (lambda h: h.update(extras=nested(900)), "its values are nested more than 200 deep"),
     ],
 )
-def test_headers_that_cannot_be_right_are_refused(
-    change: Callable[[dict], object], message: str, tmp_path: Path
-) -> None:
+def test_headers_that_cannot_be_right_are_refused(change, message, tmp_path):
     found = reads(write(tmp_path / "broken.glb", break_header(change)))
     assert message in found
     assert len(found) < 400

@@ -1,7 +1,5 @@
 """Messages about files and values that cannot be used: one line that says what they are, and what to do."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json
@@ -19,7 +17,7 @@ from dfd.common import check
 from dfd.mesh.mesh import Mesh, load
 
 
-def message(path: Path) -> str:
+def message(path):
     with pytest.raises(ValueError, match=r"^load: `path` ") as caught:
         load(path)
     text = str(caught.value)
@@ -28,27 +26,27 @@ def message(path: Path) -> str:
     return text
 
 
-def cube() -> Gltf:
+def cube():
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
     return gltf
 
 
 @pytest.mark.parametrize("asset", [{"version": "1.0"}, {}])
-def test_gltf_1(asset: dict, tmp_path: Path) -> None:
+def test_gltf_1(asset, tmp_path):
     header = {"asset": asset, "meshes": {"m": {"primitives": []}}, "nodes": {"n": {"meshes": ["m"]}}, "scene": "s"}
     found = message(write(tmp_path / "a.gltf", json.dumps(header)))
     assert "it has version '1.0' of the format, and only 2 can be read" in found
     assert "export glTF 2.0" in found
 
 
-def test_a_glb_of_version_1(tmp_path: Path) -> None:
+def test_a_glb_of_version_1(tmp_path):
     data = bytearray(cube().glb())
     data[4] = 1
     assert "it has version 1 of the format" in message(write(tmp_path / "a.glb", bytes(data)))
 
 
-def test_a_scene_without_the_mesh(tmp_path: Path) -> None:
+def test_a_scene_without_the_mesh(tmp_path):
     gltf = cube()
     gltf.header["scenes"] = [{"nodes": [1]}, {"nodes": [0]}]
     gltf.header["nodes"].append({"name": "empty"})
@@ -57,7 +55,7 @@ def test_a_scene_without_the_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["obj", "ply", "off", "glb"])
-def test_points_only(ending: str, tmp_path: Path) -> None:
+def test_points_only(ending, tmp_path):
     rows = [f"{x:g} {y:g} {z:g}" for x, y, z in CORNERS.tolist()]
     head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nend_header"
     gltf = Gltf()
@@ -72,7 +70,7 @@ def test_points_only(ending: str, tmp_path: Path) -> None:
     assert "holds no faces, only 8 points, as scans and splats do: `dfd.bind` and `dfd.pose` move points" in found
 
 
-def test_a_gltf_file_without_its_buffer(tmp_path: Path) -> None:
+def test_a_gltf_file_without_its_buffer(tmp_path):
     gltf = cube()
     gltf.header["buffers"] = [{"byteLength": len(gltf.data), "uri": "scene.bin"}]
     found = message(write(tmp_path / "a.gltf", json.dumps(gltf.header)))
@@ -80,26 +78,26 @@ def test_a_gltf_file_without_its_buffer(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("address", ["https://a.org/b.obj", Path("https://a.org/b.obj"), "s3://a/b.glb"])
-def test_an_address(address: Any) -> None:
+def test_an_address(address):
     with pytest.raises(ValueError, match=r"load: `path` is an address, got .*: download the file, and give its path"):
         load(address)
 
 
-def test_a_stream(tmp_path: Path) -> None:
+def test_a_stream(tmp_path):
     with pytest.raises(
         ValueError, match=r"Mesh.save: `path` must be a path, got BytesIO: save to a file, and read its"
     ):
-        Mesh(CORNERS, CUBE).save(io.BytesIO())  # type: ignore[arg-type]
+        Mesh(CORNERS, CUBE).save(io.BytesIO())
     with pytest.raises(ValueError, match=r"load: `source` must be a path, .* got BytesIO: write its bytes to a file"):
-        load(io.BytesIO())  # type: ignore[arg-type]
+        load(io.BytesIO())
     session = dfd.Deformer(mesh := Mesh(CORNERS, CUBE), field_of(mesh, 1), preset="paper")
     session.add(0, translation=(0, 0, 1))
     for export in (dfd.export_rig, dfd.export_weights):
         with pytest.raises(ValueError, match="`path` must be a path, got BytesIO: save to a file"):
-            export(session, io.BytesIO())  # type: ignore[operator]
+            export(session, io.BytesIO())
 
 
-def test_a_list_of_vertices_for_one_handle() -> None:
+def test_a_list_of_vertices_for_one_handle():
     mesh = Mesh(CORNERS, CUBE)
     session = dfd.Deformer(mesh, field_of(mesh, 1), preset="paper")
     for given in ([0, 1], [0, 1, 2, 3], (4, 5), range(4)):
@@ -116,18 +114,18 @@ SPARSE = torch.eye(3).to_sparse()
 class Matrix:  # as SciPy's sparse matrices
     nnz = 3
 
-    def toarray(self) -> np.ndarray:
+    def toarray(self):
         return np.eye(3)
 
 
 class Table:  # as a table of pandas with nullable columns
-    def __init__(self, values: list[list[object]]) -> None:
+    def __init__(self, values):
         self._values = np.array(values, object)
 
-    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+    def __array__(self, dtype=None, copy=None):
         return self._values if dtype is None else self._values.astype(dtype)
 
-    def to_numpy(self, dtype: Any = None, na_value: Any = None) -> np.ndarray:
+    def to_numpy(self, dtype=None, na_value=None):
         return np.array([[na_value if each is None else each for each in row] for row in self._values], dtype)
 
 
@@ -146,13 +144,13 @@ Table.__module__ = "pandas.core.frame"
         (np.ma.masked_array(np.eye(3)), "must not be a masked array: it has no masked values, so pass its `.data`"),
     ],
 )
-def test_arrays_of_other_libraries(value: Any, said: str) -> None:
+def test_arrays_of_other_libraries(value, said):
     with pytest.raises(ValueError, match=f"f: `x` .*{said}") as caught:
         check.array("f", "x", value, ("N", 3))
     assert "\n" not in str(caught.value)
 
 
-def test_faces_of_other_libraries() -> None:
+def test_faces_of_other_libraries():
     with pytest.raises(ValueError, match="Mesh: `faces` must be a numeric array, got a Table with a nullable type"):
         Mesh(CORNERS, Table(CUBE.tolist()))
 
@@ -169,21 +167,21 @@ def test_faces_of_other_libraries() -> None:
         (obj_cube().encode("utf-16-be"), "UTF-16"),
     ],
 )
-def test_a_file_that_is_something_else_is_named(data: bytes, message: str, ending: str, tmp_path: Path) -> None:
+def test_a_file_that_is_something_else_is_named(data, message, ending, tmp_path):
     with pytest.raises(
         ValueError, match=rf"load: `path` .*a\.{ending} is not a mesh file in .* format, but .*{message}"
     ):
         load(write(tmp_path / f"a.{ending}", data))
 
 
-def test_a_mesh_under_the_ending_of_another_format_is_named(tmp_path: Path) -> None:
+def test_a_mesh_under_the_ending_of_another_format_is_named(tmp_path):
     Mesh(CORNERS, CUBE).save(tmp_path / "a.ply")
     with pytest.raises(ValueError, match="but content of the format PLY"):
         load((tmp_path / "a.ply").rename(tmp_path / "a.glb"))
 
 
 @pytest.mark.parametrize("name", ["../bin/data.bin", "lfs.bin"])
-def test_data_that_is_not_read_is_named_with_the_reason(name: str, tmp_path: Path) -> None:
+def test_data_that_is_not_read_is_named_with_the_reason(name, tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
     gltf.header["buffers"] = [{"byteLength": len(gltf.data), "uri": name}]
@@ -194,7 +192,7 @@ def test_data_that_is_not_read_is_named_with_the_reason(name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("stride", [0, 3])
-def test_a_byte_stride_below_four_is_refused_by_name(stride: int, tmp_path: Path) -> None:
+def test_a_byte_stride_below_four_is_refused_by_name(stride, tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
     gltf.header["bufferViews"][1]["byteStride"] = stride
@@ -202,7 +200,7 @@ def test_a_byte_stride_below_four_is_refused_by_name(stride: int, tmp_path: Path
         load(write(tmp_path / "a.glb", gltf.glb()))
 
 
-def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
+def test_a_scene_of_too_many_primitives_is_refused(tmp_path):
     gltf = cube()
     gltf.header["nodes"] = [{"mesh": 0}] * 100_001
     gltf.header["scenes"] = [{"nodes": list(range(100_001))}]

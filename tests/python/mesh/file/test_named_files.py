@@ -1,16 +1,12 @@
 """Files that a mesh file names are found by their path, in any case, or else by their name beside it."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from mesh_files import write
 
 from dfd.mesh.file.assets import AssetFolder
 
 
-def folder_of(tmp_path: Path, names: list[str]) -> Path:
+def folder_of(tmp_path, names):
     for name in names:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         write(tmp_path / name, name)
@@ -30,7 +26,7 @@ def folder_of(tmp_path: Path, names: list[str]) -> Path:
         (["m/a.png"], "../t/a.png", "m/a.png"),
     ],
 )
-def test_beside_a_mesh(there: list[str], name: str, found: str, tmp_path: Path) -> None:
+def test_beside_a_mesh(there, name, found, tmp_path):
     assert AssetFolder(folder_of(tmp_path, there)).read(name).decode() == found
 
 
@@ -46,7 +42,7 @@ def test_beside_a_mesh(there: list[str], name: str, found: str, tmp_path: Path) 
         (["m/x"], ""),
     ],
 )
-def test_no_other_file_is_read(there: list[str], name: str, tmp_path: Path) -> None:
+def test_no_other_file_is_read(there, name, tmp_path):
     with pytest.raises((ValueError, OSError)):
         AssetFolder(folder_of(tmp_path, there)).read(name)
 
@@ -59,7 +55,7 @@ def test_no_other_file_is_read(there: list[str], name: str, tmp_path: Path) -> N
         (["a/a.png", "t/b/a.png", "m/x"], "B/a.png", "t/b/a.png"),
     ],
 )
-def test_in_the_folder_of_an_upload(there: list[str], name: str, found: str, tmp_path: Path) -> None:
+def test_in_the_folder_of_an_upload(there, name, found, tmp_path):
     assert AssetFolder(folder_of(tmp_path, there), tmp_path).read(name).decode() == found
     (tmp_path / "a.png").symlink_to(__file__)
     with pytest.raises(ValueError, match="outside the folder"):

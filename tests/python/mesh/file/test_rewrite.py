@@ -1,11 +1,8 @@
 """Saving in the file's own format: new positions in its own bytes, precision and byte order, and nothing else."""
 
-from __future__ import annotations
-
 import re
 import struct
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ TYPES = {"double": "f8", "float": "f4", "int": "i4", "short": "i2", "uchar": "u1
 MOVED = CORNERS + [[0.1, 1 / 3, -0.25]] * (np.arange(8) == 7)[:, None]
 
 
-def ply_file(path: Path, order: str, kind: str) -> Path:
+def ply_file(path, order, kind):
     """A cube with normals, a mark for each vertex, a comment, a custom element and odd spacing."""
     form = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
     head = ["ply", f"format {form} 1.0", "comment made by hand", "element vertex 8"]
@@ -41,7 +38,7 @@ def ply_file(path: Path, order: str, kind: str) -> Path:
 
 @pytest.mark.parametrize("order", ["", "<", ">"])
 @pytest.mark.parametrize("kind", ["double", "float"])
-def test_ply_keeps_its_order_type_and_all_else(order: str, kind: str, tmp_path: Path) -> None:
+def test_ply_keeps_its_order_type_and_all_else(order, kind, tmp_path):
     source = ply_file(tmp_path / "cube.ply", order, kind)
     mesh = load(source)
     mesh.save(tmp_path / "same.ply")
@@ -58,14 +55,14 @@ def test_ply_keeps_its_order_type_and_all_else(order: str, kind: str, tmp_path: 
     else:  # lines of the face and of what did not move stay
         pairs = zip(old.splitlines(), new.splitlines(), strict=True)
         assert sum(before != after for before, after in pairs) <= 8
-    before, after = (each.scene.primitives[0].geometry.normals for each in (mesh, again))  # type: ignore[union-attr]
+    before, after = (each.scene.primitives[0].geometry.normals for each in (mesh, again))
     assert not np.allclose(before, after, atol=1e-2)
     assert np.allclose(np.linalg.norm(after, axis=1), 1, atol=1e-3)
 
 
 @pytest.mark.parametrize("order", ["", "<", ">"])
 @pytest.mark.parametrize("kind", ["int", "short", "uchar", "float"])
-def test_ply_gets_wider_types_where_its_own_hold_too_little(order: str, kind: str, tmp_path: Path) -> None:
+def test_ply_gets_wider_types_where_its_own_hold_too_little(order, kind, tmp_path):
     mesh = load(ply_file(tmp_path / "cube.ply", order, kind))
     mesh.save(tmp_path / "whole.ply", CORNERS + 3.0)
     assert f"property {kind} x".encode() in (tmp_path / "whole.ply").read_bytes()
@@ -76,7 +73,7 @@ def test_ply_gets_wider_types_where_its_own_hold_too_little(order: str, kind: st
     assert (tmp_path / "far.ply").read_bytes().endswith(struct.pack(f"{order}i", 42) if order else b"42\n")
 
 
-def test_binary_stl_keeps_its_header_and_marks(tmp_path: Path) -> None:
+def test_binary_stl_keeps_its_header_and_marks(tmp_path):
     Mesh(CORNERS, CUBE).save(tmp_path / "cube.stl")
     data = bytearray((tmp_path / "cube.stl").read_bytes())
     data[:5], data[132:134] = b"hello", b"\x07\x01"
@@ -89,7 +86,7 @@ def test_binary_stl_keeps_its_header_and_marks(tmp_path: Path) -> None:
     assert np.array_equal(load(tmp_path / "moved.stl").vertices, moved)
 
 
-def test_normals_of_turned_sides_stay_on_their_side(tmp_path: Path) -> None:
+def test_normals_of_turned_sides_stay_on_their_side(tmp_path):
     turned = np.vstack([CUBE[:6], CUBE[6:, ::-1]])  # the last sides have normals that point inwards
     corners, normals = CORNERS[turned], np.cross(*np.diff(CORNERS[CUBE], axis=1).transpose(1, 0, 2))
     text = "".join(
@@ -106,7 +103,7 @@ def test_normals_of_turned_sides_stay_on_their_side(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.astype(float), normals[:, [1, 2, 0]] / np.linalg.norm(normals, axis=1)[:, None])
 
 
-def test_text_stl_and_off_keep_their_text(tmp_path: Path) -> None:
+def test_text_stl_and_off_keep_their_text(tmp_path):
     facets = [
         "facet normal 0 0 1\n outer loop\n"
         + "".join(f"  vertex {x:g} {y:g} {z:g}\n" for x, y, z in CORNERS[face].tolist())
@@ -131,7 +128,7 @@ def test_text_stl_and_off_keep_their_text(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("far", [5.4e6, 1e9])
 @pytest.mark.parametrize("source", [".obj", ".ply", ".glb"])
-def test_a_shape_far_from_the_origin_survives(source: str, far: float, tmp_path: Path) -> None:
+def test_a_shape_far_from_the_origin_survives(source, far, tmp_path):
     Mesh(CORNERS, CUBE).save(tmp_path / f"near{source}")
     mesh = load(tmp_path / f"near{source}")
     moved = mesh.vertices * (1, 0.9, 1.1) + far

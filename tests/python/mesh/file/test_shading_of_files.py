@@ -1,21 +1,16 @@
 """Normals of files without normals: flat or smooth as the file says, else divided at edges of more than 30°."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import CORNERS, CUBE, Gltf, write
+from mesh_files import CORNERS, CUBE, Gltf, normals_of, write
 from scipy.spatial.transform import Rotation
 
-from dfd.mesh.file.shading import FLAT, UNSAID, corner_normals
+from dfd.mesh.file.shading import UNSAID, corner_normals
 from dfd.mesh.mesh import Mesh, load
 
 
-def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def strip(degrees, steps=4):
     """A strip of quads, each turned by an angle against the one before."""
     turns = np.radians(degrees) * np.arange(steps)
     line = np.vstack([np.zeros(2), np.cumsum(np.stack([np.cos(turns), np.sin(turns)], axis=1), axis=0)])
@@ -26,13 +21,11 @@ def strip(degrees: float, steps: int = 4) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.array(faces)
 
 
-def least_cosine(path: Path) -> float:
+def least_cosine(path):
     """Return the smallest cosine between the normal of a face corner and the normal of its face."""
     scene = load(path).scene
-    assert scene is not None
     found = []
     for each in scene.primitives:
-        assert each.normals is not None
         faces = each.geometry.faces
         a, b, c = (each.vertices[faces[:, corner]] for corner in range(3))
         up = np.cross(b - a, c - a)
@@ -41,21 +34,16 @@ def least_cosine(path: Path) -> float:
     return float(min(found))
 
 
-def obj(vertices: np.ndarray, faces: np.ndarray, said: str = "") -> str:
+def obj(vertices, faces, said=""):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     return "\n".join([*lines, said, *("f {} {} {}".format(*face) for face in faces + 1), ""])
 
 
-WRITERS: dict[str, Callable[[Path, np.ndarray, np.ndarray], object]] = {
-    ending: lambda path, vertices, faces: Mesh(vertices, faces).save(path) for ending in ("ply", "stl", "off", "obj")
-}
-
-
-@pytest.mark.parametrize("ending", WRITERS)
+@pytest.mark.parametrize("ending", ["ply", "stl", "off", "obj"])
 @pytest.mark.parametrize(("degrees", "sharp"), [(29, False), (31, True), (90, True)])
-def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: bool, tmp_path: Path) -> None:
+def test_an_angle_of_thirty_degrees_divides(ending, degrees, sharp, tmp_path):
     vertices, faces = strip(degrees)
-    WRITERS[ending](tmp_path / f"a.{ending}", vertices, faces)
+    Mesh(vertices, faces).save(tmp_path / f"a.{ending}")
     load(tmp_path / f"a.{ending}").save(tmp_path / "a.glb")
     least = least_cosine(tmp_path / "a.glb")
     assert (least > 0.9999) == sharp
@@ -64,26 +52,25 @@ def test_an_angle_of_thirty_degrees_divides(ending: str, degrees: float, sharp: 
 
 
 @pytest.mark.parametrize("source", ["arrays", "trimesh"])
-def test_a_mesh_from_memory_keeps_its_vertices(source: str, tmp_path: Path) -> None:
+def test_a_mesh_from_memory_keeps_its_vertices(source, tmp_path):
     mesh = Mesh(CORNERS, CUBE) if source == "arrays" else load(trimesh.Trimesh(CORNERS, CUBE, process=False))
     mesh.save(tmp_path / "a.glb")
     scene = load(tmp_path / "a.glb").scene
-    assert scene is not None
     assert np.array_equal(scene.primitives[0].vertices, CORNERS)
 
 
 @pytest.mark.parametrize("said", ["s off", "s 0", "s null"])
-def test_an_obj_that_says_flat_is_flat(said: str, tmp_path: Path) -> None:
+def test_an_obj_that_says_flat_is_flat(said, tmp_path):
     load(write(tmp_path / "a.obj", obj(*strip(10), said))).save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") > 0.9999
 
 
-def test_an_obj_that_says_smooth_is_smooth_over_sharp_edges(tmp_path: Path) -> None:
+def test_an_obj_that_says_smooth_is_smooth_over_sharp_edges(tmp_path):
     load(write(tmp_path / "a.obj", obj(CORNERS, CUBE, "s 1"))).save(tmp_path / "a.glb")
     assert least_cosine(tmp_path / "a.glb") < 0.8
 
 
-def test_smoothing_groups_of_an_obj_divide(tmp_path: Path) -> None:
+def test_smoothing_groups_of_an_obj_divide(tmp_path):
     vertices, faces = strip(10, steps=2)
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     for side in (0, 1):
@@ -92,7 +79,7 @@ def test_smoothing_groups_of_an_obj_divide(tmp_path: Path) -> None:
     assert least_cosine(tmp_path / "a.glb") > 0.9999
 
 
-def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path: Path) -> None:
+def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path):
     gltf = Gltf()
     vertices, faces = strip(10)
     gltf.node(mesh=gltf.mesh("strip", vertices, faces))
@@ -101,25 +88,15 @@ def test_a_gltf_file_without_normals_is_flat_in_an_obj_and_back(tmp_path: Path) 
     assert least_cosine(tmp_path / "b.glb") > 0.9999
 
 
-def test_a_smooth_shape_keeps_its_vertices(tmp_path: Path) -> None:
+def test_a_smooth_shape_keeps_its_vertices(tmp_path):
     vertices, faces = strip(10)
     write(tmp_path / "a.obj", obj(vertices, faces))
     load(tmp_path / "a.obj").save(tmp_path / "a.glb")
     scene = load(tmp_path / "a.glb").scene
-    assert scene is not None
     assert len(scene.primitives[0].vertices) == len(vertices)
 
 
-def test_faces_of_one_vertex_share_normals_by_their_edges() -> None:
-    vertices, faces = strip(20, steps=3)
-    group, normals = corner_normals(vertices, faces, np.full(len(faces), UNSAID))
-    assert len(np.unique(group)) == len(vertices)
-    assert np.allclose(np.linalg.norm(normals[np.unique(group)], axis=1), 1)
-    flat, _ = corner_normals(vertices, faces, np.full(len(faces), FLAT))
-    assert len(np.unique(flat)) == 3 * len(faces)
-
-
-def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path: Path) -> None:
+def test_faces_without_area_and_faces_that_are_wound_otherwise(tmp_path):
     vertices, faces = strip(10)
     sliver = np.vstack([faces, [(2, 2, 3)], [(2, 3, 2)]])
     group, _ = corner_normals(vertices, sliver, np.full(len(sliver), UNSAID))
@@ -137,20 +114,14 @@ SQUARE = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)], float)
 FRONT = np.array([(0, 1, 2), (0, 2, 3)])
 
 
-def normals_of(path: Path) -> list[np.ndarray]:
-    scene = load(path).scene
-    assert scene is not None
-    return [np.asarray(each.normals_to_scene(each.normals)) for each in scene.primitives if each.normals is not None]
-
-
-def card(folder: Path, ending: str) -> Path:
+def card(folder, ending):
     """A sheet with its own vertices on each side."""
     Mesh(np.vstack([SQUARE, SQUARE]), np.vstack([FRONT, FRONT[:, ::-1] + 4])).save(folder / f"card.{ending}")
     return folder / f"card.{ending}"
 
 
 @pytest.mark.parametrize("source", ["obj", "ply", "stl", "off", "arrays", "glb"])
-def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_path: Path) -> None:
+def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source, tmp_path):
     if source == "arrays":
         mesh = Mesh(SQUARE, np.vstack([FRONT, FRONT[:, ::-1]]))
     elif source == "glb":  # the sides share their vertices
@@ -163,16 +134,14 @@ def test_both_sides_of_a_sheet_get_the_normals_of_their_faces(source: str, tmp_p
         mesh = load(card(tmp_path, source))
     mesh.save(tmp_path / "out.glb")
     scene = load(tmp_path / "out.glb").scene
-    assert scene is not None
     (each,) = scene.primitives
-    assert each.normals is not None
     own = each.geometry.faces
     for normals, corners in zip(each.normals[own], each.vertices[own], strict=True):
         across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         assert np.allclose(normals, across / np.linalg.norm(across), atol=1e-6)
 
 
-def leaf(ending: str, folder: Path) -> Path:
+def leaf(ending, folder):
     """A folded leaf whose normals all point up, as on foliage."""
     vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (1, 0, 0.2), (1, 1, 0.2)])
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 0, 3), (4, 3, 5)])
@@ -187,26 +156,12 @@ def leaf(ending: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("ending", ["obj", "glb"])
-def test_normals_of_an_artist_turn_with_the_surface_and_ignore_translations(ending: str, tmp_path: Path) -> None:
+def test_normals_of_an_artist_turn_with_the_surface_and_ignore_other_motions(ending, tmp_path):
     mesh = load(leaf(ending, tmp_path))
-    mesh.save(tmp_path / f"shifted.{ending}", mesh.vertices + [0.3, -2.7, 1 / 3])
-    assert all((each == (0, 1, 0)).all() for each in normals_of(tmp_path / f"shifted.{ending}"))
+    for moved in (mesh.vertices + [0.3, -2.7, 1 / 3], mesh.vertices * 2):
+        mesh.save(tmp_path / f"moved.{ending}", moved)
+        assert all((each == (0, 1, 0)).all() for each in normals_of(tmp_path / f"moved.{ending}"))
     turn = Rotation.from_rotvec([0.4, -0.7, 1.1])
     mesh.save(tmp_path / f"turned.{ending}", turn.apply(mesh.vertices.copy()))
     for each in normals_of(tmp_path / f"turned.{ending}"):
         assert np.allclose(each, turn.apply([0, 1, 0]), atol=1e-6)
-
-
-def test_the_exact_normals_of_a_ball_stay_exact(tmp_path: Path) -> None:
-    phi, theta = np.meshgrid(np.linspace(0.2, np.pi - 0.2, 9), np.linspace(0, 2 * np.pi, 13)[:-1], indexing="ij")
-    ball = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=-1).reshape(-1, 3)
-    grid = np.arange(108).reshape(9, 12)
-    a, b, c, d = (each.ravel() for each in (grid[:-1], np.roll(grid, -1, 1)[:-1], grid[1:], np.roll(grid, -1, 1)[1:]))
-    faces = np.vstack([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    gltf = Gltf()
-    normals = gltf.accessor(ball, 5126, "VEC3")
-    gltf.node(mesh=gltf.mesh("ball", ball, faces, attributes={"NORMAL": normals}))
-    mesh = load(write(tmp_path / "ball.glb", gltf.glb()))
-    for moved in (mesh.vertices + [1, 2, 3], mesh.vertices * 2):
-        mesh.save(tmp_path / "out.glb", moved)
-        assert np.array_equal(normals_of(tmp_path / "out.glb")[0], normals_of(tmp_path / "ball.glb")[0])

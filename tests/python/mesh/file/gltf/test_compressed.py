@@ -1,10 +1,7 @@
 """glTF files that are compressed, quantized or sparse: read as what they stand for, saved so that others read them."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +15,7 @@ needs_draco = pytest.mark.skipif(importlib.util.find_spec("DracoPy") is None, re
 needs_meshopt = pytest.mark.skipif(importlib.util.find_spec("meshopt") is None, reason="needs meshopt")
 
 
-def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
+def without(monkeypatch, package):
     original = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *more: None if name == package else original(name, *more)
@@ -26,7 +23,7 @@ def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
 
 
 @pytest.mark.parametrize("normalized", [False, True])
-def test_quantized_positions_are_read_and_moved(normalized: bool, tmp_path: Path) -> None:
+def test_quantized_positions_are_read_and_moved(normalized, tmp_path):
     gltf = Gltf()
     scale = 32767 if normalized else 1
     view = gltf.view(np.pad(CORNERS * scale, ((0, 0), (0, 1))).astype("<i2").tobytes())
@@ -44,7 +41,7 @@ def test_quantized_positions_are_read_and_moved(normalized: bool, tmp_path: Path
     assert same_shape(load(tmp_path / "moved.glb"), Mesh(moved, mesh.faces))
 
 
-def test_sparse_positions_are_read_and_moved(tmp_path: Path) -> None:
+def test_sparse_positions_are_read_and_moved(tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
     gltf.header["accessors"][0]["sparse"] = {
@@ -64,7 +61,7 @@ def test_sparse_positions_are_read_and_moved(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("mode", "corners"), [(5, [0, 1, 2, 3]), (6, [0, 1, 3, 2])])
-def test_strips_and_fans_are_triangles(mode: int, corners: list[int], tmp_path: Path) -> None:
+def test_strips_and_fans_are_triangles(mode, corners, tmp_path):
     gltf = Gltf()
     square = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]
     gltf.node(mesh=gltf.mesh("square", square, corners, mode=mode))
@@ -74,7 +71,7 @@ def test_strips_and_fans_are_triangles(mode: int, corners: list[int], tmp_path: 
     assert np.cross(second - first, third - first).tolist() == [[0, 0, 1], [0, 0, 1]]
 
 
-def test_texture_coordinates_are_those_that_the_material_names(tmp_path: Path) -> None:
+def test_texture_coordinates_are_those_that_the_material_names(tmp_path):
     gltf = textured_quad(tmp_path)
     attributes = gltf.header["meshes"][0]["primitives"][0]["attributes"]
     attributes["TEXCOORD_1"] = attributes.pop("TEXCOORD_0")
@@ -83,7 +80,7 @@ def test_texture_coordinates_are_those_that_the_material_names(tmp_path: Path) -
     texture["texCoord"] = 1
     faces, corner = np.array([0]), np.array([(0.75, 0.0, 0.25)])
 
-    def color() -> list[float]:
+    def color():
         look = look_of(write(tmp_path / "quad.glb", gltf.glb()))
         return look.albedo(faces, corner)[0].tolist()
 
@@ -98,7 +95,7 @@ def test_texture_coordinates_are_those_that_the_material_names(tmp_path: Path) -
 
 
 @needs_draco
-def test_draco_is_read_and_saved_plain_where_it_moves(tmp_path: Path) -> None:
+def test_draco_is_read_and_saved_plain_where_it_moves(tmp_path):
     mesh = load(write(tmp_path / "draco.glb", draco_cube().glb()))
     assert mesh.vertices.shape == (8, 3)
     assert len(mesh.faces) == 12
@@ -112,9 +109,7 @@ def test_draco_is_read_and_saved_plain_where_it_moves(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("package", "extension"), [("DracoPy", DRACO), ("meshopt", MESHOPT)])
-def test_compression_without_its_library_is_refused_by_name(
-    package: str, extension: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compression_without_its_library_is_refused_by_name(package, extension, tmp_path, monkeypatch):
     without(monkeypatch, package)
     gltf = Gltf()
     gltf.header["extensionsRequired"] = [extension]
@@ -126,7 +121,7 @@ def test_compression_without_its_library_is_refused_by_name(
 
 
 @needs_meshopt
-def test_meshopt_is_read_and_what_does_not_move_stays_compressed(tmp_path: Path) -> None:
+def test_meshopt_is_read_and_what_does_not_move_stays_compressed(tmp_path):
     gltf = meshopt_cube()
     mesh = load(write(tmp_path / "packed.glb", packed_glb(gltf)))
     turned = [np.roll(face, -int(np.argmin(face))) for face in mesh.faces]  # the codec may begin at another corner

@@ -1,9 +1,6 @@
 """glTF files are patched, not written anew."""
 
-from __future__ import annotations
-
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +10,7 @@ from mesh_files import CORNERS, CUBE, Gltf, bent, header_and_data, same_shape, t
 from dfd.mesh.mesh import Mesh, load
 
 
-def test_everything_but_positions_survives_in_a_glb(tmp_path: Path) -> None:
+def test_everything_but_positions_survives_in_a_glb(tmp_path):
     gltf = textured_quad(tmp_path)
     inverse = gltf.accessor([np.eye(4).ravel()], 5126, "MAT4")
     times, turns = gltf.accessor([[0.0], [1.0]], 5126, "SCALAR"), gltf.accessor([(0, 0, 0, 1)] * 2, 5126, "VEC4")
@@ -44,7 +41,7 @@ def test_everything_but_positions_survives_in_a_glb(tmp_path: Path) -> None:
     assert np.array_equal(load(tmp_path / "out.glb").vertices, mesh.vertices * 2)
 
 
-def test_primitives_that_share_positions_move_together(tmp_path: Path) -> None:
+def test_primitives_that_share_positions_move_together(tmp_path):
     gltf = Gltf()
     mesh_index = gltf.mesh("cube", CORNERS, CUBE[:6])
     primitives = gltf.header["meshes"][mesh_index]["primitives"]
@@ -60,7 +57,7 @@ def test_primitives_that_share_positions_move_together(tmp_path: Path) -> None:
     assert primitives[0]["attributes"] == primitives[1]["attributes"]
 
 
-def test_a_scene_without_normals_gets_smooth_ones(tmp_path: Path) -> None:
+def test_a_scene_without_normals_gets_smooth_ones(tmp_path):
     sphere = trimesh.creation.icosphere(2)
     lines = [f"v {x} {y} {z}" for x, y, z in sphere.vertices]
     faces = [f"f {a} {b} {c}" for a, b, c in sphere.faces + 1]
@@ -77,7 +74,7 @@ def test_a_scene_without_normals_gets_smooth_ones(tmp_path: Path) -> None:
     "node", [{"scale": [1, 0, 1]}, {"scale": [0, 0, 0]}, {"matrix": [1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]
 )
 @pytest.mark.parametrize("child", [False, True])
-def test_an_edit_of_a_flattened_part_is_saved(node: dict, child: bool, tmp_path: Path) -> None:
+def test_an_edit_of_a_flattened_part_is_saved(node, child, tmp_path):
     gltf = Gltf()
     cube = gltf.mesh("cube", CORNERS, CUBE)
     gltf.node(name="shadow", mesh=cube, **node)
@@ -100,7 +97,7 @@ def test_an_edit_of_a_flattened_part_is_saved(node: dict, child: bool, tmp_path:
 
 
 @pytest.mark.parametrize("required", [False, True])
-def test_instances_of_a_node_are_parts_that_move_by_themselves(required: bool, tmp_path: Path) -> None:
+def test_instances_of_a_node_are_parts_that_move_by_themselves(required, tmp_path):
     gltf = Gltf()
     cube = gltf.mesh("cube", CORNERS, CUBE)
     half = float(np.sqrt(0.5))
@@ -126,7 +123,7 @@ def test_instances_of_a_node_are_parts_that_move_by_themselves(required: bool, t
     assert "extensionsRequired" not in header_and_data(tmp_path / "moved.glb")[0]
 
 
-def test_a_hidden_node_is_not_shown_but_saved(tmp_path: Path) -> None:
+def test_a_hidden_node_is_not_shown_but_saved(tmp_path):
     gltf = Gltf()
     cube = gltf.mesh("cube", CORNERS, CUBE)
     gltf.node(name="a", mesh=cube)
@@ -141,7 +138,7 @@ def test_a_hidden_node_is_not_shown_but_saved(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", [False, True])
-def test_lines_and_points_follow_the_surface_when_saved(first: bool, tmp_path: Path) -> None:
+def test_lines_and_points_follow_the_surface_when_saved(first, tmp_path):
     gltf = Gltf()
     cube = gltf.mesh("cube", CORNERS, CUBE)
     primitives = gltf.header["meshes"][cube]["primitives"]
@@ -153,13 +150,12 @@ def test_lines_and_points_follow_the_surface_when_saved(first: bool, tmp_path: P
     moved = bent(mesh.vertices)
     mesh.save(tmp_path / "moved.glb", moved)
     scene = load(tmp_path / "moved.glb").scene
-    assert scene is not None
     shared, own = (each.vertices for each in scene.strands)
     assert np.allclose(shared, moved, atol=1e-6)
     assert np.allclose(own, moved + 0.01, atol=1e-6)
 
 
-def test_an_unknown_chunk_of_a_glb_survives(tmp_path: Path) -> None:
+def test_an_unknown_chunk_of_a_glb_survives(tmp_path):
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE))
     chunk = struct.pack("<II", 8, 0x31415926) + b"keep me!"

@@ -1,7 +1,5 @@
 """The shape at rest of glTF files: skins and morph targets as three.js shows them, mirrored nodes right side out."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -16,7 +14,7 @@ from dfd.mesh.mesh import load
 VALIDATOR = Path(__file__).parents[4] / "validator"
 
 
-def posed(tmp_path: Path, *, morph: bool = True) -> Path:
+def posed(tmp_path, *, morph=True):
     """A cube that one bone lifts and one turns by 90°, under a node that a skin does not know."""
     gltf = Gltf()
     high = CORNERS[:, 2] > 0.5
@@ -46,7 +44,7 @@ def posed(tmp_path: Path, *, morph: bool = True) -> Path:
     return write(tmp_path / "posed.glb", gltf.glb())
 
 
-def in_three(*paths: Path) -> list[np.ndarray]:
+def in_three(*paths):
     """Where three.js shows the vertices of each file."""
     if shutil.which("node") is None:
         pytest.skip("Node is not installed: nothing was compared with three.js")
@@ -59,7 +57,7 @@ def in_three(*paths: Path) -> list[np.ndarray]:
     return [np.array(found[str(path)]).reshape(-1, 3) for path in paths]
 
 
-def test_a_skin_and_morph_targets_rest_as_three_shows_them(tmp_path: Path) -> None:
+def test_a_skin_and_morph_targets_rest_as_three_shows_them(tmp_path):
     path = posed(tmp_path)
     mesh = load(path)
     mesh.save(tmp_path / "again.glb")
@@ -71,16 +69,16 @@ def test_a_skin_and_morph_targets_rest_as_three_shows_them(tmp_path: Path) -> No
     np.testing.assert_allclose(after, moved, atol=1e-4)  # posed right again
 
 
-def test_the_shape_as_it_was_bound_has_a_name(tmp_path: Path) -> None:
+def test_the_shape_as_it_was_bound_has_a_name(tmp_path):
     mesh = load(posed(tmp_path), pose="bind")
     np.testing.assert_allclose(mesh.vertices, CORNERS * 3 + [50, 0, 0])
     mesh.save(tmp_path / "out.glb", mesh.vertices + 1)
     np.testing.assert_allclose(load(tmp_path / "out.glb", pose="bind").vertices, mesh.vertices + 1, atol=1e-5)
     with pytest.raises(ValueError, match="load: `pose` must be one of rest, bind, got 'rested'"):
-        load(tmp_path / "out.glb", pose="rested")  # type: ignore[arg-type]
+        load(tmp_path / "out.glb", pose="rested")
 
 
-def test_morph_targets_count_with_their_default_weights(tmp_path: Path) -> None:
+def test_morph_targets_count_with_their_default_weights(tmp_path):
     gltf = Gltf()
     mesh = gltf.mesh("body", CORNERS, CUBE)
     target = {"POSITION": gltf.accessor(np.tile([(0, 4.0, 0)], (8, 1)), 5126, "VEC3")}
@@ -97,7 +95,7 @@ def test_morph_targets_count_with_their_default_weights(tmp_path: Path) -> None:
     np.testing.assert_allclose(in_three(path)[0], loaded.vertices, atol=1e-6)
 
 
-def test_a_node_scales_before_it_rotates(tmp_path: Path) -> None:
+def test_a_node_scales_before_it_rotates(tmp_path):
     gltf = Gltf()
     half = float(np.sqrt(0.5))
     gltf.node(name="body", mesh=gltf.mesh("body", CORNERS, CUBE), rotation=[0, 0, half, half], scale=[1, 2, 3])
@@ -106,7 +104,7 @@ def test_a_node_scales_before_it_rotates(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["glb", "gltf", "obj", "ply", "stl", "off"])
-def test_a_mirrored_node_is_right_side_out(ending: str, tmp_path: Path) -> None:
+def test_a_mirrored_node_is_right_side_out(ending, tmp_path):
     gltf = Gltf()
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE), scale=[-1, 1, 1])
     mesh = load(write(tmp_path / "mirrored.glb", gltf.glb()))
@@ -117,7 +115,7 @@ def test_a_mirrored_node_is_right_side_out(ending: str, tmp_path: Path) -> None:
         assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a - middle) > 0).all()
 
 
-def test_seams_of_a_skinned_surface_stay_closed(tmp_path: Path) -> None:
+def test_seams_of_a_skinned_surface_stay_closed(tmp_path):
     gltf = Gltf()
     places = CORNERS[CUBE].reshape(-1, 3)
     weights = np.tile([0.5, 0.5, 0, 0], (36, 1)) + np.arange(36)[:, None] * [1e-7, 0, 0, 0]

@@ -1,17 +1,13 @@
 """Tangents of glTF files turn with the surface, and further attributes keep their values."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
-from mesh_files import Gltf, header_and_data, write
+from mesh_files import Gltf, header_and_data, ply, write
 from scipy.spatial.transform import Rotation
 
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.mesh import Mesh, load
+from dfd.mesh.mesh import load
 
 SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
 FACES = [(0, 1, 2), (0, 2, 3)]
@@ -22,7 +18,7 @@ NODES = {
 }
 
 
-def square(folder: Path, *, morphed: bool = True, normals: bool = True, **node: object) -> Path:
+def square(folder, *, morphed=True, normals=True, **node):
     gltf = Gltf()
     attributes = {"TANGENT": gltf.accessor(np.tile([1.0, 0, 0, -1], (4, 1)), 5126, "VEC4")}
     if normals:
@@ -39,29 +35,24 @@ def square(folder: Path, *, morphed: bool = True, normals: bool = True, **node: 
     return write(folder / "a.glb", gltf.glb())
 
 
-def tangents(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def tangents(path):
     data = GltfData(path.read_bytes(), AssetFolder(path))
     primitive = data.header["meshes"][0]["primitives"][0]
     own = data.attribute(primitive, "TANGENT")
-    assert own is not None
     targets = primitive.get("targets")
     return own, data.accessor(targets[0]["TANGENT"]) if targets else None
 
 
 @pytest.mark.parametrize("normals", [True, False])
 @pytest.mark.parametrize("node", NODES)
-def test_tangents_turn_with_the_surface_and_so_do_those_of_morph_targets(
-    node: str, normals: bool, tmp_path: Path
-) -> None:
+def test_tangents_turn_with_the_surface_and_so_do_those_of_morph_targets(node, normals, tmp_path):
     mesh = load(square(tmp_path, normals=normals, **NODES[node]))
     scene = mesh.scene
-    assert scene is not None
     turn = Rotation.from_rotvec([0, 0, np.pi / 2]) * Rotation.from_rotvec([0.4, 0, 0])
     mesh.save(tmp_path / "b.glb", turn.apply(mesh.vertices.copy()))
     own, moved = tangents(tmp_path / "b.glb")
     linear = scene.primitives[0].transform[:3, :3]
     for found, before in ((own[:, :3], (1.0, 0, 0)), (moved, (0, 0.25, 0))):
-        assert found is not None
         expected = turn.apply(linear @ before)
         for each in (linear @ found.T).T:
             assert np.allclose(each / np.linalg.norm(each), expected / np.linalg.norm(expected), atol=1e-6)
@@ -69,23 +60,23 @@ def test_tangents_turn_with_the_surface_and_so_do_those_of_morph_targets(
     assert np.allclose(np.linalg.norm(own[:, :3], axis=1), 1, atol=1e-6)
 
 
-def test_a_translation_keeps_tangents(tmp_path: Path) -> None:
+def test_a_translation_keeps_tangents(tmp_path):
     mesh = load(square(tmp_path))
     mesh.save(tmp_path / "b.glb", mesh.vertices + (0.3, -2.7, 1 / 3))
     for before, after in zip(tangents(tmp_path / "a.glb"), tangents(tmp_path / "b.glb"), strict=True):
-        assert np.array_equal(before, after)  # type: ignore[arg-type]
+        assert np.array_equal(before, after)
     headers = [header_and_data(tmp_path / name)[0] for name in ("a.glb", "b.glb")]
     first, second = (each["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] for each in headers)
     assert first == second
 
 
-def test_tangents_follow_a_shear_at_a_right_angle_to_the_normal(tmp_path: Path) -> None:
+def test_tangents_follow_a_shear_at_a_right_angle_to_the_normal(tmp_path):
     mesh = load(square(tmp_path, morphed=False))
     mesh.save(tmp_path / "b.glb", mesh.vertices @ np.array([(1, 1, 0), (0, 1, 0), (0, 0, 1.0)]))
     assert np.allclose(tangents(tmp_path / "b.glb")[0][:, :3], np.array([1, 1, 0]) / np.sqrt(2), atol=1e-6)
 
 
-def test_tangents_of_a_flattened_part_are_removed_and_said(tmp_path: Path) -> None:
+def test_tangents_of_a_flattened_part_are_removed_and_said(tmp_path):
     mesh = load(square(tmp_path, morphed=False, scale=[1, 1, 0]))
     with pytest.warns(UserWarning, match="the tangents of part 'square' are removed"):
         mesh.save(tmp_path / "b.glb", mesh.vertices + np.random.default_rng(1).normal(size=mesh.vertices.shape))
@@ -95,16 +86,13 @@ def test_tangents_of_a_flattened_part_are_removed_and_said(tmp_path: Path) -> No
 # Further attributes
 
 
-def labelled(kind: str, labels: list[str], folder: Path, name: str = "label") -> Mesh:
-    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    head += f"property {kind} {name}\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+def labelled(kind, labels, folder, name="label"):
     rows = [f"{place} {label}" for place, label in zip(["0 0 0", "1 0 0", "0 1 0"], labels, strict=True)]
-    return load(write(folder / "a.ply", head + "\n".join([*rows, "3 0 1 2", ""])))
+    return load(write(folder / "a.ply", ply([f"{kind} {name}"], rows)))
 
 
-def attribute_of(path: Path, name: str) -> list[float]:
+def attribute_of(path, name):
     scene = load(path).scene
-    assert scene is not None
     return scene.primitives[0].geometry.attributes[name].tolist()
 
 
@@ -118,7 +106,7 @@ def attribute_of(path: Path, name: str) -> list[float]:
         ("float", ["1", "nan", "2"], "1 of 'label'"),
     ],
 )
-def test_values_that_32_bit_floats_change_are_said(kind: str, labels: list[str], said: str, tmp_path: Path) -> None:
+def test_values_that_32_bit_floats_change_are_said(kind, labels, said, tmp_path):
     mesh = labelled(kind, labels, tmp_path)
     with pytest.warns(UserWarning, match=f"32-bit floats, which change values .{said}.; .ply keeps them") as found:
         mesh.save(tmp_path / "a.glb")
@@ -127,7 +115,7 @@ def test_values_that_32_bit_floats_change_are_said(kind: str, labels: list[str],
 
 
 @pytest.mark.parametrize(("kind", "labels"), [("int", ["1", "-2", "16777216"]), ("double", ["0.1", "0.2", "0.3"])])
-def test_other_values_keep_their_numbers(kind: str, labels: list[str], tmp_path: Path) -> None:
+def test_other_values_keep_their_numbers(kind, labels, tmp_path):
     labelled(kind, labels, tmp_path).save(tmp_path / "a.glb")
     assert np.allclose(attribute_of(tmp_path / "a.glb", "_LABEL"), [float(each) for each in labels], rtol=1e-7)
     load(tmp_path / "a.glb").save(tmp_path / "b.ply")

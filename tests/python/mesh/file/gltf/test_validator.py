@@ -4,8 +4,6 @@ The sources are samples and made files and, if `DFD_MESHES` names a folder of me
 the folders `corpus`, `reports` and `lessons/rigs` beside it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -15,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import CORNERS, CUBE, checkered, obj_cube, scene_of_three, textured_quad, write
+from mesh_files import CORNERS, CUBE, checkered, obj_cube, ply, scene_of_three, textured_quad, write
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -30,7 +28,7 @@ MOST_BYTES = 3_000_000  # of a source; larger files take seconds each
 TURN = Rotation.from_rotvec([0.3, -0.5, 0.7])
 
 
-def made(folder: Path) -> list[Path]:
+def made(folder):
     """Write files of all formats, with tangents, morph targets, textures, colors, labels and gaps."""
     for name in ("chair", "quadruped", "robot"):
         for ending in ("obj", "glb"):
@@ -57,15 +55,13 @@ def made(folder: Path) -> list[Path]:
     rows = [f"{x:g} {y:g} {z:g}" for x, y, z in CORNERS.tolist()]
     faces = ["3 {} {} {}".format(*face) for face in CUBE]
     write(folder / "colors.off", "\n".join(["COFF", "8 12 0", *(f"{row} 255 0 0 255" for row in rows), *faces, ""]))
-    head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-    head += "property int label\nproperty float quality\nelement face 12\nproperty list uchar int vertex_indices\n"
     values = [f"{row} 16777217 nan" for row in rows]
-    write(folder / "labels.ply", "\n".join([f"{head}end_header", *values, *faces, ""]))
+    write(folder / "labels.ply", ply(["int label", "float quality"], values, faces=faces))
     Mesh(CORNERS, CUBE).save(folder / "cube.stl")
     return sorted(path for path in folder.iterdir() if path.suffix in ENDINGS)
 
 
-def errors(paths: list[Path]) -> dict[Path, set[str]]:
+def errors(paths):
     """Return the codes of the errors that the validator finds in each file."""
     done = subprocess.run(
         ["node", VALIDATOR / "validate.mjs", *paths], check=True, capture_output=True, text=True, cwd=VALIDATOR
@@ -74,7 +70,7 @@ def errors(paths: list[Path]) -> dict[Path, set[str]]:
     return {path: {each["code"] for each in found[str(path)] if each["severity"] == 0} for path in paths}
 
 
-def check(sources: list[Path], folder: Path) -> int:
+def check(sources, folder):
     """Save all sources with several motions, compare the errors, and return the number of saved files."""
     saved: list[tuple[Path, Path]] = []
     for number, path in enumerate(sources):
@@ -104,12 +100,12 @@ def check(sources: list[Path], folder: Path) -> int:
 
 
 @pytest.fixture(autouse=True)
-def _validator() -> None:
+def _validator():
     if shutil.which("node") is None or not (VALIDATOR / "node_modules" / "gltf-validator").is_dir():
         pytest.skip("the validator is not installed (npm ci in tests/validator): no file was validated")
 
 
-def test_a_saved_file_has_no_error_that_its_source_lacks(tmp_path: Path) -> None:
+def test_a_saved_file_has_no_error_that_its_source_lacks(tmp_path):
     (tmp_path / "sources").mkdir()
     assert check(made(tmp_path / "sources"), tmp_path) == 3 * 13
 
@@ -117,6 +113,6 @@ def test_a_saved_file_has_no_error_that_its_source_lacks(tmp_path: Path) -> None
 @pytest.mark.slow
 @pytest.mark.skipif(not FOLDERS, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_files_of_the_world_have_no_error_that_their_sources_lack(folder: Path, tmp_path: Path) -> None:
+def test_files_of_the_world_have_no_error_that_their_sources_lack(folder, tmp_path):
     found = [each for each in sorted(folder.rglob("*")) if each.suffix.lower() in ENDINGS]
     check([each for each in found if each.stat().st_size <= MOST_BYTES], tmp_path)

@@ -1,9 +1,5 @@
 """Face groups of OBJ files, whether the file's parts were made of them or not."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,7 +10,7 @@ from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.mesh import Mesh, load
 
 
-def test_a_name_that_is_not_there_gets_those_that_are(tmp_path: Path) -> None:
+def test_a_name_that_is_not_there_gets_those_that_are(tmp_path):
     groups = "o house\ng wall door\nf 1 2 3\n" + "".join(f"g n{i}\nf 1 2 3\n" for i in range(30))
     mesh = load(write(tmp_path / "many.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + groups))
     assert mesh.group_names[:4] == ("wall door", "wall", "door", "n0")
@@ -30,7 +26,7 @@ def test_a_name_that_is_not_there_gets_those_that_are(tmp_path: Path) -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(["o", "g", "usemtl"]), st.sampled_from(["a", "b", "a b", ""])), max_size=8))
-def test_groups_are_what_a_reader_line_by_line_finds(statements: list[tuple[str, str]]) -> None:
+def test_groups_are_what_a_reader_line_by_line_finds(statements):
     lines, state = ["v 0 0 0\n" * 20], dict.fromkeys(("g", "o", "usemtl"), "")
     wanted: dict[str, set[int]] = {}
     by_kind: dict[str, dict[str, set[int]]] = {keyword: {} for keyword in state}

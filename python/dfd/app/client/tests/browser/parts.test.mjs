@@ -1,4 +1,4 @@
-// The part that a handle holds: hold it, resize it, add or remove parts, and limit the motion to it.
+// The part that a handle holds: hold it, resize it, and add or remove parts.
 import assert from "node:assert/strict";
 import { ALIKE, eventually, hold, shot, state, story, test, until, visibleVertex } from "./page.mjs";
 
@@ -15,8 +15,8 @@ async function click(at, key) {
 const level = () => state(page, (s) => s.edit.handles[0].level);
 const region = () => state(page, (s) => s.edit.handles[0].region);
 
-test("a held part is resized, combined with others, and moved alone", async (t) => {
-  const vertex = await hold(page, ALIKE, 1);
+test("a held part is resized, and combined with others", async (t) => {
+  await hold(page, ALIKE, 1);
 
   await t.test("the handle holds a larger part, then the smaller part again", async () => {
     await page.keyboard.press("]");
@@ -44,20 +44,6 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await shot(page, "part");
   });
 
-  await t.test("the smallest part cannot be made smaller", async () => {
-    const end = page.getByText("There is no smaller part here.");
-    for (let i = 0; i < 20 && !(await end.isVisible()); i++, await page.waitForTimeout(300))
-      await page.keyboard.press("[");
-    await end.waitFor();
-    const first = page.getByRole("group", { name: "Size of the part" }).getByRole("button").first();
-    await eventually(async () => {
-      assert.equal(await first.getAttribute("aria-pressed"), "true");
-      assert.match(await page.locator(".step").textContent(), /^1 of /);
-    });
-    assert.ok(await state(page, (s) => s.toasts.every(({ kind }) => kind === "note")), "a toast is no note");
-    await shot(page, "part_smallest");
-  });
-
   await t.test("Shift adds a part, and Ctrl removes it", async () => {
     const vertices = await state(page, (s) => s.mesh.vertices);
     const far = Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * vertices));
@@ -81,32 +67,5 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
       await page.waitForTimeout(300);
     }
     assert.equal(await region(), 0);
-  });
-
-  await t.test("with a limit to the part, no other vertex moves", async () => {
-    const field = page.getByLabel("Move y", { exact: true });
-    await field.fill("0.2");
-    await field.press("Enter");
-    await until(page, (s) => s.edit.handles[0].translation[1] === 0.2);
-    await page.getByLabel("Limit to part").locator("xpath=..").click();
-    await until(page, (s) => s.edit.handles[0].mask_part);
-    const moved = await page.evaluate(async () => {
-      const [posed, rest] = [await window.dfd.computed(), window.dfd.rest()];
-      const moved = [];
-      for (let i = 0; i < rest.length; i += 3) if (Math.abs(posed[i + 1] - rest[i + 1]) > 1e-5) moved.push(i / 3);
-      return moved;
-    });
-    const part = await state(page, (s) => s.edit.handles[0].mask);
-    assert.ok(moved.includes(vertex) && moved.length <= part, `${moved.length} of ${part} moved`);
-    await page.getByLabel("Limit to part").scrollIntoViewIfNeeded();
-    await shot(page, "part_limited");
-  });
-
-  await t.test("reach can be switched between the part and a number", async () => {
-    const by = (name) => page.getByRole("group", { name: "Reach by" }).getByRole("button", { name });
-    await by("Part").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "part");
-    await by("Number").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "number");
   });
 });

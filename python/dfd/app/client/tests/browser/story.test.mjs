@@ -5,7 +5,6 @@ import {
   ALIKE,
   drag,
   drawn,
-  eventually,
   exportFile,
   hold,
   openShape,
@@ -46,25 +45,12 @@ const handles = () => state(page, (s) => s.edit.handles);
 step("a shape opens and is visible", async () => {
   await shot(page, "start");
   await openShape(page);
-  const seen = await drawn(page);
-  assert.ok(seen.covered > 0.03 && seen.shades > 50, `the canvas is blank: ${JSON.stringify(seen)}`);
-});
-
-step("a pointer that rests on a point shows the weights of a handle there", async () => {
-  const { at } = await visibleVertex(page);
-  await page.mouse.move(at[0] + 1, at[1]);
-  await page.mouse.move(...at);
-  await until(page, (s) => s.probe !== null);
-  await eventually(async () => {
-    const warm = Math.max(...(await page.evaluate(() => window.dfd.heat())));
-    assert.ok(warm > 0.95, `the weight at the point itself must be near 1, got ${warm}`);
-  });
-});
-
-step("nothing can be undone before the first edit", async () => {
-  await until(page, (s) => s.edit.planes.length > 0 || s.edit.field.parts.length > 0);
-  assert.equal(await state(page, (s) => s.edit.can_undo), false);
-  await page.locator('button[aria-label="Undo"]:disabled').waitFor();
+  for (const look of ["clay", "features", "heat", "texture"]) {
+    await page.evaluate((name) => window.dfd.store.set({ look: name }), look);
+    await until(page, () => window.dfd.rests());
+    const seen = await drawn(page);
+    assert.ok(seen.covered > 0.03 && seen.shades > 50, `${look} is blank: ${JSON.stringify(seen)}`);
+  }
 });
 
 step("a click adds a handle", async () => {
