@@ -9,7 +9,7 @@ import pytest
 import dfd
 
 PACKAGES = (
-    *("common", "mesh", "geometry", "views", "field", "encoders", "upright", "distillation", "symmetry", "weights"),
+    *("common", "mesh", "geometry", "views", "field", "encoders", "symmetry", "upright", "distillation", "weights"),
     *("segmentation", "posing", "editing", "pictures", "export", "batch", "app", "cli"),
 )
 # `samples` may import the packages up to `mesh`. Only the packages of `MAY_ALSO` may import `samples`.

@@ -81,7 +81,8 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     if matrix is None and not motions and not all(each.transform.rests for each in edit.handles):
         from dfd.editing.weights.several_handles import taken_over
 
-        new = replace(new, transform=taken_over(weights, edit, new))
+        own = weights.columns_of(replace(edit, handles=(*edit.handles, new)), new)[0]
+        new = replace(new, transform=taken_over(own, weights.plan(edit), edit, new, weights.mesh))
     return _moved(replace(edit, handles=(*edit.handles, new)), weights, new, motions, matrix)
 
 

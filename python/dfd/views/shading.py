@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Int32, UInt8, unit
-from dfd.geometry.body import body_of
-from dfd.geometry.surface_graph import seam_links
 from dfd.geometry.topology import are_distinct, first_at_place
 from dfd.mesh.appearance import GRAY, blend
 from dfd.mesh.normals import face_normals, smooth_normals
@@ -96,6 +94,9 @@ def _normals(mesh: Mesh) -> Float32:
     """Return the unit normals (V, 3) of vertices. Copies of faces add nothing, whichever side the first copy has."""
     if are_distinct(first_at_place(mesh)[mesh.faces]).all():
         return mesh.normals
+    from dfd.geometry.body import body_of
+    from dfd.geometry.surface_graph import seam_links
+
     return smooth_normals(mesh.vertices, body_of(mesh, seam_links(mesh)).faces)[mesh.representative]
 
 

@@ -47,9 +47,9 @@ def test_forms_influences_and_poses(run, tmp_path):
     (tmp_path / "poses.json").write_text(json.dumps(edit | {"poses": [{"seconds": 0, "transforms": []}, pose]}))
     result = run(*EXPORT, "-o", "morph.glb", "--as", "morph", "--poses", "poses.json")
     assert worked(result)
-    assert "3 morph targets" in result.stderr
+    assert "4 morph targets" in result.stderr
     own = [*EXPORT[:-1], "poses.json"]
-    assert "3 morph targets" in run(*own, "-o", "own.glb", "--as", "morph").stderr
+    assert "4 morph targets" in run(*own, "-o", "own.glb", "--as", "morph").stderr
     assert worked(run(*own, "-o", "still.obj", "--as", "baked")), "a shape that does not move leaves the poses out"
     assert worked(run(*EXPORT, "-o", "moved.off", "--as", "baked"))
     result = run(*EXPORT, "-o", "rig.glb", "--influences", "1")

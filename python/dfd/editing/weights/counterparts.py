@@ -95,9 +95,16 @@ def _image(
             if to_earlier is None:
                 continue
             step = isometry(its_surface, surface, tried)
-            if step is not None:
+            # Across a plane of the shape, motions are mirrored also if a translation fits, as with wheels.
+            if step is not None and not (np.linalg.det(step[:, :3]) > 0 and _apart(planes, middle, its_surface)):
                 return np.column_stack([step[:, :3] @ to_earlier[:, :3], step[:, :3] @ to_earlier[:, 3] + step[:, 3]])
     return None
+
+
+def _apart(planes: Sequence[SymmetryPlane], middle: Float64, other: SurfaceSamples) -> bool:
+    """Return whether one of `planes` lies between the place `middle` (3,) and the middle of a surface."""
+    sides = (plane.signed_distance([middle, other.points.mean(axis=0)]) for plane in planes)
+    return any(one * another < 0 for one, another in sides)
 
 
 def _is_round(surface: SurfaceSamples) -> bool:
