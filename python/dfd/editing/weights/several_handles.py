@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,10 +76,11 @@ def limited(columns: Sequence[Column], weights: Float32) -> Float32:
 
 
 def taken_over(own: Column, plan: Sequence[Column], edit: Edit, handle: Handle, mesh: Mesh) -> Transform:
-    """Return the motion that the handles of `edit`, with the columns `plan`, give to the column `own` of a new `handle`.
+    """Return the motion that the handles of `edit` give to the component at a new `handle`.
 
     The motion is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
-    With the motion of a larger or smaller component, the shape would change at once.
+    With the motion of a larger or smaller component, the shape would change at once. `plan` are the columns of `edit`,
+    and `own` is the first column of the new handle.
     """
     if edit.rules.overlap != "add":
         return handle.transform
