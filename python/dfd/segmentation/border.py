@@ -8,9 +8,6 @@ from dfd.common.linear_algebra import Bool
 from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import CREASE
 
-# LARGEST_MOVE: largest distance by which a border moves, in patch spacings. On seven meshes of `bench.quality people`,
-# level 0 has 0.704 with 0.375, 0.701 with 0.75, and 0.699 with 1.5: a difference within the noise.
-LARGEST_MOVE = 0.75
 COST = 2**26  # integer cost of a border of length 1 without a crease; a cut of length 31 fits into 32 bits
 
 
@@ -18,15 +15,15 @@ def snapped(patches: Patches, inside: Bool, held: int | None = None) -> Bool:
     """Move the border of a part to the cheapest cut nearby, and return the part's places, (M,) bool.
 
     `inside` (P,) is True for the patches of the part. The cost of a border is its length, multiplied by a lower factor
-    in concave creases. A place can change sides if its distance from the old border is below `LARGEST_MOVE`, and below
-    half of the largest such distance in its connected component. The place `held` always belongs to the part.
+    in concave creases. A place can change sides if its distance from the old border is below the patch spacing, and
+    below half of the largest such distance in its connected component. The place `held` always belongs to the part.
     """
     borders, start = patches.place_borders, inside[patches.of_place]
     one, other = borders.pairs.T
     at_border = np.unique(borders.pairs[start[one] != start[other]])
     if not len(at_border):
         return start
-    limit = 2 * LARGEST_MOVE * patches.spacing
+    limit = 2 * patches.spacing
     depth = dijkstra(borders.graph(borders.apart), indices=at_border, min_only=True, limit=limit)
     deepest = np.zeros(borders.count)
     one_side = patches.borders.graph(np.equal(*inside[patches.borders.pairs.T]).astype(np.float64))

@@ -31,7 +31,9 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.search import symmetry_planes
 
 MOST_LADDERS = 256  # number of patches whose levels are kept, each with up to 0.5 MB
-FRAGMENT = 0.1  # components of a part below this share of the largest component's area are not counted
+# FRAGMENT: components of a part below this share of the largest component's area are not counted. Without, 13 shapes
+# (`bench.quality people`) have 134 parts in place of 116, and the Rand distance is 0.0006 larger.
+FRAGMENT = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dfd.segmentation.border import LARGEST_MOVE, snapped
+from dfd.segmentation.border import snapped
 from dfd.segmentation.patches import Borders, _contracted
 
 PLACES, PER_PATCH, ROWS = 32, 4, 3
 STEP = 0.01  # distance between neighboring places
+SPACING = 3 * STEP  # patch spacing
 
 
 def strip(crease: int, linked: int | None = None, at: float = 99.0) -> SimpleNamespace:
@@ -34,7 +35,7 @@ def strip(crease: int, linked: int | None = None, at: float = 99.0) -> SimpleNam
     of_patches, along = _contracted(of_place, joined, length, PLACES // PER_PATCH)
     middle = np.stack([np.bincount(of_place, axis) / np.bincount(of_place) for axis in center.T], axis=1)
     patches = Borders(of_patches, along, middle, np.tile([0.0, 0, 1], (len(middle), 1)))
-    return SimpleNamespace(place_borders=places, borders=patches, of_place=of_place, spacing=PER_PATCH * STEP)
+    return SimpleNamespace(place_borders=places, borders=patches, of_place=of_place, spacing=SPACING)
 
 
 def column_of_border(patches: SimpleNamespace, first: int = 4) -> list[int]:
@@ -50,8 +51,8 @@ def test_a_border_moves_to_a_crease_nearby(crease):
     assert column_of_border(strip(crease)) == [crease] * ROWS
 
 
-def test_a_border_moves_at_most_three_quarters_of_a_patch():
-    reach = int(LARGEST_MOVE * PER_PATCH)
+def test_a_border_moves_at_most_one_patch_spacing():
+    reach = int(SPACING / STEP)
     assert column_of_border(strip(16 + reach)) == [16 + reach] * ROWS
     assert column_of_border(strip(16 + reach + 2))[0] <= 16 + reach
 
