@@ -82,7 +82,7 @@ def test_columns_act_as_the_kernel_poses_them(client: Client, how: dict[str, Any
     deformer = client.deformer
     deformer.add(foot_of(deformer), translation=(0.1, 0.2, 0), scale=(1.2, 0.9, 1), pivot=pivot, **how)
     np.testing.assert_allclose(client.posed(), deformer.vertices, atol=5e-5)
-    assert (len(client.weights) > 1) == (how == {"counterparts": "own_pivot"})
+    assert (len(client.weights) > 1) == ("counterparts" in how)
 
 
 @pytest.mark.parametrize("how", [{"counterparts": "own_pivot"}, {"counterparts": "shared_pivot"}, {"follow": "none"}])

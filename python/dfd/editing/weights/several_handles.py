@@ -5,24 +5,18 @@ counterpart. So each component has one owner, and a counterpart never takes weig
 another component follows the handles of both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.edit import Edit, Handle
+from dfd.editing.edit import Edit
 from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.weights.session_weights import SessionWeights
 
 COMPONENT_THRESHOLD = 0.5  # a column's component: the vertices with at least this fraction of its largest weight
 LEAST_IOU = 0.5  # two components count as the same if their intersection over union is above this
@@ -79,26 +73,23 @@ def limited(columns: Sequence[Column], weights: Float32) -> Float32:
     return weights
 
 
-def taken_over(session: SessionWeights, edit: Edit, handle: Handle) -> Transform:
-    """Return the motion that the handles of `edit` give to the component at a new `handle`.
+def taken_over(edit: Edit, columns: Sequence[Column], own: Column, mesh: Mesh) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new handle.
 
-    The motion is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
-    With the motion of a larger or smaller component, the shape would change at once.
+    `columns` are those of `edit`, and `own` is the first column of the new handle. The motion is that of the handle
+    that moves the same component, and none if there is no such handle, or if it bends. With the motion of a larger or
+    smaller component, the shape would change at once.
     """
-    if edit.rules.overlap != "add":
-        return handle.transform
-    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
-    before = [column for column in session.plan(edit) if column.handle in moving]
-    own = session.columns_of(replace(edit, handles=(*edit.handles, handle)), handle)[0]
-    weights, (samples, sizes) = filled_at_rest([own, *before], session.mesh).T, _samples(session.mesh)
+    before = [column for column in columns if not edit.handles[column.handle].transform.rests]
+    weights, (samples, sizes) = filled_at_rest([own, *before], mesh).T, _samples(mesh)
     held = supports(weights[:, samples])
     same = (held[1:] & held[0]) @ sizes >= TAKEN_OVER * ((held[1:] | held[0]) @ sizes)
     if not same.any():
-        return handle.transform
+        return Transform()
     found = before[int(np.where(same, weights[1:, own.vertex], -1.0).argmax())]
     source = edit.handles[found.handle]
     if source.transform.bends:
-        return handle.transform
+        return Transform()
     return _motion_at(found.counterpart, source.transform, source.place.position)
 
 
