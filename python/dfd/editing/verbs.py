@@ -78,14 +78,12 @@ def add(edit: Edit, weights: SessionWeights, handle: int, at: Any, *, name: str 
     others = {name: value for name, value in given.items() if name not in MOTIONS}
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
     new = Handle(handle, place, Transform(), controls, name)
-    added = replace(edit, handles=(*edit.handles, new))
-    rests = edit.rules.overlap != "add" or all(each.transform.rests for each in edit.handles)
-    if matrix is None and not motions and not rests:
+    if matrix is None and not motions and not all(each.transform.rests for each in edit.handles):
         from dfd.editing.weights.several_handles import taken_over
 
-        motion = taken_over(edit, weights.plan(edit), weights.columns_of(added, new)[0], weights.mesh)
-        return added.changed(new, transform=motion)
-    return _moved(added, weights, new, motions, matrix)
+        own = weights.columns_of(replace(edit, handles=(*edit.handles, new)), new)[0]
+        new = replace(new, transform=taken_over(own, weights.plan(edit), edit, new, weights.mesh))
+    return _moved(replace(edit, handles=(*edit.handles, new)), weights, new, motions, matrix)
 
 
 def move(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any]) -> Edit:

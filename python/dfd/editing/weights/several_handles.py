@@ -5,6 +5,8 @@ counterpart. So each component has one owner, and a counterpart never takes weig
 another component follows the handles of both.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
-from dfd.editing.edit import Edit
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.weights.fill import Column, Counterpart, filled_at_rest
 from dfd.geometry.coarse import nodes_of
 from dfd.mesh.mesh import Mesh
@@ -73,23 +75,26 @@ def limited(columns: Sequence[Column], weights: Float32) -> Float32:
     return weights
 
 
-def taken_over(edit: Edit, columns: Sequence[Column], own: Column, mesh: Mesh) -> Transform:
-    """Return the motion that the handles of `edit` give to the component at a new handle.
+def taken_over(own: Column, plan: Sequence[Column], edit: Edit, handle: Handle, mesh: Mesh) -> Transform:
+    """Return the motion that the handles of `edit` give to the component at a new `handle`.
 
-    `columns` are those of `edit`, and `own` is the first column of the new handle. The motion is that of the handle
-    that moves the same component, and none if there is no such handle, or if it bends. With the motion of a larger or
-    smaller component, the shape would change at once.
+    The motion is that of the handle that moves the same component, and none if there is no such handle, or if it bends.
+    With the motion of a larger or smaller component, the shape would change at once. `plan` are the columns of `edit`,
+    and `own` is the first column of the new handle.
     """
-    before = [column for column in columns if not edit.handles[column.handle].transform.rests]
+    if edit.rules.overlap != "add":
+        return handle.transform
+    moving = [i for i, each in enumerate(edit.handles) if not each.transform.rests]
+    before = [column for column in plan if column.handle in moving]
     weights, (samples, sizes) = filled_at_rest([own, *before], mesh).T, _samples(mesh)
     held = supports(weights[:, samples])
     same = (held[1:] & held[0]) @ sizes >= TAKEN_OVER * ((held[1:] | held[0]) @ sizes)
     if not same.any():
-        return Transform()
+        return handle.transform
     found = before[int(np.where(same, weights[1:, own.vertex], -1.0).argmax())]
     source = edit.handles[found.handle]
     if source.transform.bends:
-        return Transform()
+        return handle.transform
     return _motion_at(found.counterpart, source.transform, source.place.position)
 
 
