@@ -1,7 +1,10 @@
 """Compare the default weight with its formula, Eq. 9 to 12 of docs/how_it_works/method.md."""
 
+import re
 import sys
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
@@ -120,8 +123,17 @@ def test_one_handle_enters_few_files_and_none_of_several_handles_pieces_or_featu
     first = entered(lambda: (session.add("top", translation=(0, 0.1, 0)), session.vertices))
     assert np.abs(session.vertices - session.mesh.vertices).max() > 0.05
     later = entered(lambda: (session.move(1, translation=(0, 0.12, 0)), session.vertices))
+    assert len(later) <= 15
     steps = {Path(name).stem for name in first if name.startswith("editing/weights/")}
     assert {"session_weights", "held_part", "fill"} <= steps
     assert not {"axis_motions", "by_features", "contacts", "fixed_points", "of_handles", "several_handles"} & steps
     assert len(first) <= 43
-    assert len(later) <= 15
+    assert len(later) <= 17
+
+
+def test_the_names_of_the_page_are_those_of_the_code():
+    page = (Path(__file__).parents[3] / "docs" / "how_it_works" / "concepts.md").read_text("utf-8")
+    names = re.findall(r"^\| `(\w+)` \|", page.partition("## Names in the code")[2], re.MULTILINE)
+    modules = [import_module(f"dfd.editing.weights.{each.name}") for each in iter_modules(dfd.editing.weights.__path__)]
+    assert len(names) >= 9
+    assert [name for name in names if not any(hasattr(module, name) for module in modules)] == []
