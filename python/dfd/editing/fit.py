@@ -27,8 +27,13 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.pose import pose
 
 Motion = Literal["rigid", "scale", "affine"]
-COUNTS = {"rigid": 6, "scale": 7, "affine": 12}  # number of unknowns of a handle
-GROUPS = {"translation": slice(0, 3), "rotation": slice(3, 6), "scale": slice(6, 7)}  # unknowns with a name
+TRANSLATION, ROTATION = {"translation": slice(0, 3)}, {"rotation": slice(3, 6)}
+GROUPS = {  # the unknowns of a handle
+    "rigid": TRANSLATION | ROTATION,
+    "scale": TRANSLATION | ROTATION | {"scale": slice(6, 7)},
+    "affine": TRANSLATION | {"linear": slice(3, 12)},
+}
+COUNTS = {motion: max(which.stop for which in groups.values()) for motion, groups in GROUPS.items()}
 STIFFNESS = 1e-4  # weight of the unknowns; exact targets are then missed by about 1e-8 of the motion
 STEP = 1e-4  # difference of an unknown for the central difference quotients of the Jacobian
 NULL = 1e-5  # singular values of the Jacobian below this fraction of the largest count as 0
@@ -225,14 +230,11 @@ class _Problem:
         if sizes[0] < 1e-9:
             raise ArgumentError("targets", "must be at places that the handles move: all their weights are 0 there")
         free = directions[sizes <= NULL * sizes[0]]
-        groups = dict(GROUPS, linear=slice(3, 12)) if self.motion == "affine" else GROUPS
         result = {}
         for k in range(len(self.order)):
-            own = free[:, k * self.count : (k + 1) * self.count]
-            wanted = [name for name in groups if self.motion != "affine" or name in ("translation", "linear")]
-            names = [name for name in wanted if np.abs(own[:, groups[name]]).max(initial=0.0) > 0.05]
-            if names:
-                result[k] = tuple(names)
+            own, groups = np.abs(free[:, k * self.count : (k + 1) * self.count]), GROUPS[self.motion].items()
+            if names := tuple(name for name, which in groups if own[:, which].max(initial=0.0) > 0.05):
+                result[k] = names
         return result
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Hashable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
@@ -50,12 +51,12 @@ class Place(Brief):
             raise ArgumentError("place", "must have a vertex, a position or a region", "Place")
         check.bounded("Place", "position", self.position)
 
-    @property
+    @cached_property
     def known(self) -> bool:
         """Return whether the position is known."""
         return not math.isnan(self.position[0])
 
-    @property
+    @cached_property
     def key(self) -> Hashable:
         """Return a key for comparisons. A vertex and a point at the same position have equal keys."""
         return (self.position, self.region) if self.known else self

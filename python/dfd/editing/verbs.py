@@ -99,12 +99,11 @@ def _moved(edit: Edit, weights: SessionWeights, handle: Handle, given: Mapping[s
 
     The pivot is chosen for the `given` motions, which contain those of `matrix`.
     """
-    moved = edit.changed(handle, transform=_transform(handle.transform, weights, handle.place, given))
-    moved = _on_part(moved, weights, handle.id, given, handle.transform)
-    if matrix is None:
-        return moved
-    held = moved.handle(handle.id)
-    return moved.changed(held, transform=held.transform.with_matrix(matrix, held.place.position))
+    transform = _transform(handle.transform, weights, handle.place, given)
+    transform = _on_part(edit, weights, replace(handle, transform=transform), given, handle.transform)
+    if matrix is not None:
+        transform = transform.with_matrix(matrix, handle.place.position)
+    return edit.changed(handle, transform=transform)
 
 
 def _taken_matrix(given: dict[str, Any]) -> Any:
@@ -136,9 +135,10 @@ def change(
     pivot_at = held.transform.pivot_at
     if pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
-    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, changed.handle(handle)):
+    moved = changed.handle(handle)
+    if pivot_at not in ("point", "plane") and not bendable_parts(weights, changed, moved):
         return changed  # the handle now holds no part with an axis, so its pivot does not change
-    return _on_part(changed, weights, handle, {"pivot": pivot_at}, held.transform)
+    return changed.changed(moved, transform=_on_part(changed, weights, moved, {"pivot": pivot_at}, held.transform))
 
 
 def set_default(edit: Edit, weights: SessionWeights, given: Mapping[str, Any]) -> Edit:
@@ -210,18 +210,19 @@ def _of_part(name: str, value: Any) -> bool:
     return name in ("towards", "open") or (name == "bend" and np.ndim(value) == 0)
 
 
-def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[str, Any], before: Transform) -> Edit:
-    """Return `edit` with those `given` values of a handle's transform that depend on the part that the handle holds.
+def _on_part(
+    edit: Edit, weights: SessionWeights, held: Handle, given: Mapping[str, Any], before: Transform
+) -> Transform:
+    """Return the transform of a handle with those `given` values that depend on the part that the handle holds.
 
     The default pivot is chosen if `before`, the earlier transform, has no rotation or scale, or if "auto" is given.
     """
     found: dict[str, Any] = {key: value for key, value in given.items() if value is not None and _of_part(key, value)}
-    held = edit.handle(handle)
     transform = held.transform
     begins = not before.turns or given.get("pivot") is not None
     auto = edit.rules.pivot == "auto" and transform.turns and transform.pivot is None and begins
     if not found and not auto:
-        return edit
+        return transform
     pivot = found.get("pivot")
     if pivot is not None and pivot not in get_args(PivotAt):
         raise ArgumentError("pivot", f"must be auto, {', '.join(get_args(PivotAt))} or 3 numbers, got {pivot!r}")
@@ -238,7 +239,7 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     parts = bendable_parts(weights, edit, held) if found or not part else []
     if not parts:
         if not found:
-            return edit.changed(held, transform=transform.changed(**part))
+            return transform.changed(**part)
         level = level_with_axis(weights, edit, held)
         instead = "" if level is None else f"; the part at level {level} has one"
         raise ArgumentError(next(iter(found)), f"needs a part with an axis, and the handle holds none{instead}")
@@ -253,4 +254,4 @@ def _on_part(edit: Edit, weights: SessionWeights, handle: int, given: Mapping[st
     if joint is not None:
         find = own.axis.joint if joint == "auto" else own.axis.nearest
         part["joint"] = find(np.asarray(held.place.position))
-    return edit.changed(held, transform=transform.changed(**part))
+    return transform.changed(**part)

@@ -55,7 +55,7 @@ def with_steps(poses: Sequence[KeyPose]) -> Iterator[KeyPose]:
     """Yield `poses`, ordered by time, and the poses between them."""
     for key, (before, pose) in enumerate(pairwise(poses), 2):
         yield before
-        rest = Transform()
+        rest, last, end = Transform(), *(np.float32(each.seconds) for each in (before, pose))
         ends = {
             handle: (before.transforms.get(handle, rest), pose.transforms.get(handle, rest))
             for handle in {**before.transforms, **pose.transforms}
@@ -68,20 +68,23 @@ def with_steps(poses: Sequence[KeyPose]) -> Iterator[KeyPose]:
             moment = {handle: between(*both, share) for handle, both in ends.items()}
             seconds = before.seconds + time * (pose.seconds - before.seconds)
             name = f"{pose.name or f'key pose {key}'}, {number} of {count}"
-            yield Step(seconds, moment, name, time=time, share=share, slope=slope)
+            if last < np.float32(seconds) < end:  # poses can be too near for 32-bit floats
+                last = np.float32(seconds)
+                yield Step(seconds, moment, name, time=time, share=share, slope=slope)
     yield from poses[-1:]
 
 
 def slopes(poses: Sequence[KeyPose]) -> Float64:
     """Return the speeds (P − 1, 2) after each pose and before the next one, as multiples of the mean speed between."""
-    leaving = [
-        (each.time, each.share, each.slope) if isinstance(each, Step) else (0, 0, not each.ease) for each in poses
-    ]
-    coming = [
-        (each.time, each.share, each.slope) if isinstance(each, Step) else (1, 1, not each.ease) for each in poses
-    ]
-    (t, s, v), (u, r, w) = (np.reshape(each, (-1, 3)).T.astype(np.float64) for each in (leaving[:-1], coming[1:]))
-    return np.stack([v, w], axis=1) * ((u - t) / (r - s))[:, None]
+
+    def told(pose: KeyPose, edge: int) -> tuple[float, float, float]:
+        return (pose.time, pose.share, pose.slope) if isinstance(pose, Step) else (edge, edge, not pose.ease)
+
+    ends = np.array([[told(before, 0), told(pose, 1)] for before, pose in pairwise(poses)], np.float64).reshape(
+        -1, 2, 3
+    )
+    times, shares = ends[:, 1, :2].T - ends[:, 0, :2].T
+    return np.asarray(ends[:, :, 2] * (times / shares)[:, None])
 
 
 def _angle(one: Transform, other: Transform) -> float:

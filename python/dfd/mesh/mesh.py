@@ -177,7 +177,7 @@ class Mesh(Shown, ReadOnlyArrays):
             return {}
         return face_groups(self.scene.source.data.tobytes())
 
-    @property
+    @cached_property
     def diagonal(self) -> float:
         """The length of the diagonal of the bounding box."""
         return float(np.linalg.norm(self.extents))

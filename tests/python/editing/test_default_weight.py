@@ -120,6 +120,7 @@ def test_one_handle_enters_few_files_and_none_of_several_handles_pieces_or_featu
     first = entered(lambda: (session.add("top", translation=(0, 0.1, 0)), session.vertices))
     assert np.abs(session.vertices - session.mesh.vertices).max() > 0.05
     later = entered(lambda: (session.move(1, translation=(0, 0.12, 0)), session.vertices))
+    assert len(later) <= 15
     steps = {Path(name).stem for name in first if name.startswith("editing/weights/")}
     assert {"session_weights", "held_part", "fill"} <= steps
     assert not {"axis_motions", "by_features", "contacts", "fixed_points", "of_handles", "several_handles"} & steps

@@ -41,6 +41,8 @@ def test_small_and_huge_rotations_need_few_poses():
     def count(*degrees):
         return len(list(with_steps([dfd.KeyPose(0), dfd.KeyPose(1, {1: Transform(rotation=degrees)})])))
 
+    near = [dfd.KeyPose(1000), dfd.KeyPose(1000.0002, {1: Transform(rotation=(0, 350, 0))})]
+    assert (np.diff(np.array([each.seconds for each in with_steps(near)], np.float32)) > 0).all()
     assert [count(60, 0, 0), count(61, 0, 0), count(0, 270, 0), count(0, 0, 1e9)] == [2, 3, 6, MOST_STEPS + 1]
 
 

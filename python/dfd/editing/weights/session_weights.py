@@ -211,7 +211,7 @@ class SessionWeights:
 
         def find() -> Float32:
             weights = filled(columns, chosen, self.mesh)
-            if any(column.crowd is not None for column in columns):
+            if edit.sharing:
                 from dfd.editing.weights.several_handles import limited
 
                 weights = limited(columns, weights)
@@ -234,8 +234,6 @@ def _needs_counterparts(handle: Handle, edit: Edit) -> bool:
 
 def _lowers(handle: Handle, edit: Edit) -> bool:
     """Return whether a control, or Eq. 6 of fixed points, lowers the weights of the part that a handle holds."""
-    controls = handle.controls
+    controls, by_equation = handle.controls, bool(edit.fixed) and not edit.rules.reach_targets
     near = controls.locality > 0 or controls.radius is not None
-    return (
-        near or controls.strength != 1 or controls.mask is not None or bool(edit.fixed and not edit.rules.reach_targets)
-    )
+    return near or controls.strength != 1 or controls.mask is not None or by_equation
