@@ -55,7 +55,7 @@ def test_an_edit_is_there_after_the_server_was_stopped_and_started(
 ) -> None:
     app = served()
     page = opened(app)
-    assert not page.last("state")["can_undo"], "a plane of symmetry that was found is no step"
+    assert not page.last("state")["step"], "a plane of symmetry that was found is no step"
     page.hold(5, translation=[0, -0.3, 0])
     page.ask("set_poses", poses=[POSE])
     page.ask("set_marks", marks=[{"vertex": 80, "target": None}], fit=False)
@@ -74,7 +74,7 @@ def test_an_edit_is_there_after_the_server_was_stopped_and_started(
     assert [each["vertex"] for each in state["handles"]] == [5, 40], "the newest step was stored when the server ended"
     assert state["poses"][0]["name"] == "up"
     assert [mark["target"] for mark in state["marks"]] == [mark["target"] for mark in marks] != []
-    assert not state["can_undo"], "undo begins with the first step of this session"
+    assert not state["step"], "undo begins with the first step of this session"
     again.close()
 
 
@@ -86,7 +86,7 @@ def test_a_closed_tab_is_continued_with_its_undo(served: Callable[..., RunningAp
     other = Page(app)
     other.open()
     assert other.session == page.session
-    assert other.alive()["can_undo"]
+    assert other.alive()["step"]
     other.close()
 
 
@@ -128,7 +128,7 @@ def test_a_mesh_whose_tab_was_closed_is_no_copy(
     assert page.resumes()
     state = page.alive()
     assert [each["vertex"] for each in state["handles"]] == [5, 40], "the session continues with what the other did"
-    assert state["can_undo"]
+    assert state["step"]
     page.close()
 
 
@@ -198,11 +198,11 @@ def test_an_edit_that_is_given_is_a_step_after_the_kept_one(served: Callable[...
     page.app.stop()
     other = Page(served(edit=OpenedFile("given.json", given)))
     other.open()
-    state = other.until(lambda message: message["type"] == "state" and message["can_undo"])
+    state = other.until(lambda message: message["type"] == "state" and message["step"])
     assert [each["vertex"] for each in state["handles"]] == [80]
     saved(other)
     assert '"vertex": 5' in (data / "edits" / f"{key}-2.json").read_text(), "the edit that was replaced is kept too"
-    other.ask("undo")
+    other.ask("go", by=-1)
     assert [each["vertex"] for each in other.last("state")["handles"]] == [5]
     other.close()
 
@@ -234,7 +234,7 @@ def test_a_folder_that_cannot_be_written_is_said_once(served: Callable[..., Runn
     page.hold(5)
     page.until(lambda message: message["type"] == "failure" and "could not be stored" in message["message"])
     time.sleep(0.5)
-    page.ask("undo")
+    page.ask("go", by=-1)
     assert sum(message["type"] == "failure" for message in page.heard) <= 2, "once for each change"
     assert all(not message["saved"] for message in page.heard if message["type"] == "saved")
     folder.unlink()

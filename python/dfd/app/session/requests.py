@@ -120,8 +120,7 @@ def propose(session: Session, handle: int) -> ArrayAnswer:
             posed, number = deformer.vertices, len(found)
             normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
             arrays |= {f"positions{number}": centered(mesh, posed), f"normals{number}": packed_normals(normals)}
-            share = float((weights > 0.5).mean())
-            found.append(messages.Proposal(label=label, controls=controls, share=share))
+            found.append(messages.Proposal(label=label, controls=controls))
     return messages.ProposalsMessage(handle=handle, proposals=tuple(found)), arrays
 
 
@@ -359,21 +358,9 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 
 
 @request
-def undo(session: Session) -> None:
-    """Undo the newest step."""
-    go(session, session.require().history.done - 1)
-
-
-@request
-def redo(session: Session) -> None:
-    """Redo the step that was undone last."""
-    go(session, session.require().history.done + 1)
-
-
-@request
-def go(session: Session, step: int) -> None:
-    """Undo or redo steps until the first `step` of the `steps` in `state` are done, or no step is left."""
-    session.require().history.go(step)
+def go(session: Session, by: int) -> None:
+    """Redo the next `by` of the `steps` in `state`; undo if `by` is negative. Stop if no step is left."""
+    session.require().history.go(by)
     session.tell_state()
 
 

@@ -152,8 +152,6 @@ class Editing:
             ),
             marks=marks_of(deformer),
             fitted=fitted(deformer.edit),
-            can_undo=self.history.done > 0,
-            can_redo=self.history.done < len(steps),
             steps=steps,
             step=self.history.done,
             **{**common, "preset": deformer.preset},

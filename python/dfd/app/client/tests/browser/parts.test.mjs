@@ -101,12 +101,4 @@ test("a held part is resized, combined with others, and moved alone", async (t) 
     await page.getByLabel("Limit to part").scrollIntoViewIfNeeded();
     await shot(page, "part_limited");
   });
-
-  await t.test("reach can be switched between the part and a number", async () => {
-    const by = (name) => page.getByRole("group", { name: "Reach by" }).getByRole("button", { name });
-    await by("Part").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "part");
-    await by("Number").click();
-    await until(page, (s) => s.edit.handles[0].reach_by === "number");
-  });
 });
