@@ -51,7 +51,7 @@ def test_an_edit_is_there_after_the_server_was_stopped_and_started(
 ) -> None:
     app = served()
     page = opened(app)
-    assert not page.last("state")["can_undo"], "a plane of symmetry that was found is no step"
+    assert not page.last("state")["step"], "a plane of symmetry that was found is no step"
     page.hold(5, translation=[0, -0.3, 0])
     page.ask("set_poses", poses=[POSE])
     page.ask("set_marks", marks=[{"vertex": 80, "target": None}], fit=False)
@@ -70,8 +70,62 @@ def test_an_edit_is_there_after_the_server_was_stopped_and_started(
     assert [each["vertex"] for each in state["handles"]] == [5, 40], "the newest step was stored when the server ended"
     assert state["poses"][0]["name"] == "up"
     assert [mark["target"] for mark in state["marks"]] == [mark["target"] for mark in marks] != []
-    assert not state["can_undo"], "undo begins with the first step of this session"
+    assert not state["step"], "undo begins with the first step of this session"
     again.close()
+
+
+def test_a_closed_tab_is_continued_with_its_undo(served: Callable[..., RunningApp]) -> None:
+    app = served()
+    page = opened(app)
+    page.hold(5)
+    leave(page)
+    other = Page(app)
+    other.open()
+    assert other.session == page.session
+    assert other.alive()["step"]
+    other.close()
+
+
+def test_a_second_tab_opens_a_copy_and_says_so(served: Callable[..., RunningApp], data: Path) -> None:
+    app = served()
+    page = opened(app)
+    page.hold(5, translation=[0, -0.3, 0])
+    key = saved(page)
+    other = opened(app)
+    assert other.last("mesh")["warnings"][0] == session_module.COPY
+    assert [each["vertex"] for each in other.last("state")["handles"]] == [5]
+    assert not list(data.glob("edits/*-2.json")), "a copy without a change is not stored"
+    other.hold(40)
+    assert saved(other) == f"{key}-2"
+    page.hold(80)
+    assert saved(page) == key
+    page.close()
+    other.close()
+    app.stop()
+    third = opened(served())
+    assert [each["vertex"] for each in third.last("state")["handles"]] == [5, 80]
+    assert third.last("mesh")["warnings"] == []
+    third.close()
+
+
+def test_a_mesh_whose_tab_was_closed_is_no_copy(
+    served: Callable[..., RunningApp], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kept_edits, "LEAVES", 60.0)  # a busy machine stores an edit slowly
+    app = served()
+    page = opened(app)
+    page.hold(5)
+    leave(page)
+    other = opened(app, session="unknown")
+    assert other.last("mesh")["warnings"] == []
+    other.hold(40)
+    saved(other)
+    leave(other)
+    assert page.resumes()
+    state = page.alive()
+    assert [each["vertex"] for each in state["handles"]] == [5, 40], "the session continues with what the other did"
+    assert state["step"]
+    page.close()
 
 
 def test_closed_shapes_and_replaced_shapes_are_recent(
@@ -140,13 +194,47 @@ def test_an_edit_that_is_given_is_a_step_after_the_kept_one(served: Callable[...
     page.app.stop()
     other = Page(served(edit=OpenedFile("given.json", given)))
     other.open()
-    state = other.until(lambda message: message["type"] == "state" and message["can_undo"])
+    state = other.until(lambda message: message["type"] == "state" and message["step"])
     assert [each["vertex"] for each in state["handles"]] == [80]
     saved(other)
     assert '"vertex": 5' in (data / "edits" / f"{key}-2.json").read_text(), "the edit that was replaced is kept too"
-    other.ask("undo")
+    other.ask("go", by=-1)
     assert [each["vertex"] for each in other.last("state")["handles"]] == [5]
     other.close()
+
+
+def test_a_damaged_file_is_said_and_not_overwritten(served: Callable[..., RunningApp], data: Path) -> None:
+    page = opened(served())
+    page.hold(5)
+    path = data / "edits" / f"{saved(page)}.json"
+    page.close()
+    page.app.stop()
+    path.write_text("{")
+    other = opened(served())
+    (failure,) = [message for message in other.heard if message["type"] == "failure"]
+    assert "The kept edit cannot be read" in failure["message"]
+    assert str(data) not in failure["message"], "no place of this machine"
+    other.hold(40)
+    saved(other)
+    assert path.with_name(f"{path.name}.damaged").read_text() == "{"
+    other.close()
+
+
+def test_a_folder_that_cannot_be_written_is_said_once(served: Callable[..., RunningApp], data: Path) -> None:
+    page = opened(served())
+    folder = data / "edits"
+    for each in folder.iterdir():
+        each.unlink()
+    folder.rmdir()
+    folder.write_text("")
+    page.hold(5)
+    page.until(lambda message: message["type"] == "failure" and "could not be stored" in message["message"])
+    time.sleep(0.5)
+    page.ask("go", by=-1)
+    assert sum(message["type"] == "failure" for message in page.heard) <= 2, "once for each change"
+    assert all(not message["saved"] for message in page.heard if message["type"] == "saved")
+    folder.unlink()
+    page.close()
 
 
 def test_work_without_a_pause_is_stored_meanwhile(

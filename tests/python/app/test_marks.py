@@ -27,10 +27,10 @@ def test_handles_follow_marks_and_undo_takes_marks_back(page: Page, deformer: De
     assert max(mark["missing"] for mark in after["marks"]) < 1e-4 * size
     np.testing.assert_allclose(after["handles"][0]["translation"], shift, atol=1e-3 * size)
     assert after["step"] == state["step"] + 1, "a drag is one step of undo"
-    page.ask("undo")
+    page.ask("go", by=-1)
     assert page.last("state")["marks"] == state["marks"]
     assert not page.last("state")["handles"][0]["moved"]
-    page.ask("redo")
+    page.ask("go", by=1)
     assert page.last("state")["marks"] == after["marks"]
     page.ask("move", handle=handle, transform={"translation": [0, 0, 0]}, settle=True)
     assert page.last("state")["marks"][0]["missing"] > 0.05 * size
@@ -55,5 +55,5 @@ def test_a_fit_says_what_marks_do_not_determine_and_moves_no_other_handle(page: 
     moved = {handle["handle"]: handle["translation"] for handle in state["handles"]}
     assert moved[other] == [0, 0.1, 0]
     assert moved[held] != [0, 0, 0]
-    page.ask("undo")
+    page.ask("go", by=-1)
     assert page.last("state")["fitted"] is None

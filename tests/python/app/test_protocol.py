@@ -40,7 +40,7 @@ MOVE = '"type": "move", "handle": 1, "transform": {"translation": [0, 0, NUMBER]
     ("text", "number"),
     [
         ('"type": "unheard of"', 7),
-        ('"type": "undo", "more": 1', 7),
+        ('"type": "clear", "more": 1', 7),
         *((MOVE.replace("NUMBER", number), 7) for number in ("NaN", "Infinity", "-Infinity", "1e999", '"2"')),
         ('"type": "move", "handle": true, "transform": {}', 7),
         ('"type": "probe", "vertex": -1', 7),
@@ -49,7 +49,7 @@ MOVE = '"type": "move", "handle": 1, "transform": {"translation": [0, 0, NUMBER]
         ('"type": "change", "handle": 1, "controls": {"more": {"self": 3}}', 7),
         ('"type": "add", "at": {"mask": "not base 64"}', 7),
         ('"type": "export", "format": "../x"', 7),
-        (f'"type": "undo", "x": {DEEP}', 0),
+        (f'"type": "clear", "x": {DEEP}', 0),
         (f'"handle": 1{"0" * 10_000}', 0),
     ],
 )

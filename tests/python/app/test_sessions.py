@@ -31,7 +31,7 @@ def test_a_reload_loses_nothing(page: Page) -> None:
     assert page.resumes()
     state = page.alive()
     assert [each["handle"] for each in state["handles"]] == [handle]
-    assert state["can_undo"]
+    assert state["step"]
     assert page.last("mesh")["name"] == "chair.glb"
     assert page.last("columns")["columns"] == [each["column"] for each in state["handles"][0]["columns"]]
 
@@ -48,7 +48,7 @@ def test_a_tab_that_opens_a_session_takes_it_over(page: Page) -> None:
 def test_two_tabs_have_one_shape_and_each_its_own_edit(page: Page, new_page: Page) -> None:
     assert new_page.session != page.session
     page.hold(5, translation=[0, -0.3, 0])
-    new_page.ask("undo")
+    new_page.ask("go", by=-1)
     assert all(message["type"] != "state" or not message["handles"] for message in new_page.heard)
     one, other = session_of(page).require().deformer, session_of(new_page).require().deformer
     assert one.features is other.features
@@ -75,7 +75,7 @@ def test_of_the_sessions_that_no_page_shows_the_oldest_end(app: RunningApp, page
     assert not left[1].resumes()
     for each in (new, *left):
         each.close()
-    assert page.ask("undo")["type"] == "done", "one that a page shows goes on"
+    assert page.ask("go", by=-1)["type"] == "done", "one that a page shows goes on"
 
 
 def test_a_server_that_stops_closes_its_pages(options: SessionOptions) -> None:

@@ -45,9 +45,9 @@ def test_a_kept_edit_has_a_picture_and_can_be_renamed_copied_and_deleted(edited:
     assert page.ask("keep_picture", picture="data:text/html;base64,QUJDRA==")["type"] == "failure"
     (own,) = recent(page)
     assert (own["name"], own["handles"], own["picture"]) == ("chair", 1, PICTURE)
-    (own,) = recent(page, "rename_kept", key=own["key"], name="throne")
+    (own,) = recent(page, "change_kept", how="rename", key=own["key"], name="throne")
     assert (own["name"], own["present"]) == ("throne", True)
-    copies = recent(page, "duplicate_kept", key=own["key"])
+    copies = recent(page, "change_kept", how="duplicate", key=own["key"])
     assert {each["name"] for each in copies} == {"throne", "throne copy"}
     copy = next(each for each in copies if each["name"] == "throne copy")
     assert copy["picture"] == PICTURE
@@ -55,12 +55,12 @@ def test_a_kept_edit_has_a_picture_and_can_be_renamed_copied_and_deleted(edited:
     state = page.alive()
     assert state["handles"][0]["translation"] == [0, -0.3, 0]
     page.ask("close_mesh")
-    (left,) = recent(page, "delete_kept", key=copy["key"])
+    (left,) = recent(page, "change_kept", how="delete", key=copy["key"])
     assert left["key"] == own["key"]
-    assert len(recent(page, "restore_kept", key=copy["key"])) == 2
-    recent(page, "delete_kept", key=copy["key"])
-    assert page.ask("restore_kept", key=own["key"])["type"] == "failure", "it is not deleted"
-    assert page.ask("delete_kept", key="../../etc")["type"] == "failure"
+    assert len(recent(page, "change_kept", how="restore", key=copy["key"])) == 2
+    recent(page, "change_kept", how="delete", key=copy["key"])
+    assert page.ask("change_kept", how="restore", key=own["key"])["type"] == "failure", "it is not deleted"
+    assert page.ask("change_kept", how="delete", key="../../etc")["type"] == "failure"
 
 
 @pytest.mark.processes
@@ -74,11 +74,11 @@ def test_an_open_edit_is_not_deleted_and_a_deleted_one_is_gone_after_an_hour(
         kept_edits.delete_kept(key)
     assert page.ask("start_fresh")["type"] == "done"
     page.until(lambda each: each["type"] == "saved" and each["saved"])
-    page.ask("undo")
+    page.ask("go", by=-1)
     page.until(lambda each: each["type"] == "saved" and each["saved"])
     first, second = recent(page)
     monkeypatch.setattr(kept_edits, "RESTORABLE", -1.0)
-    recent(page, "delete_kept", key=first["key"])
-    recent(page, "delete_kept", key=second["key"])
-    assert page.ask("restore_kept", key=first["key"])["type"] == "failure"
+    recent(page, "change_kept", how="delete", key=first["key"])
+    recent(page, "change_kept", how="delete", key=second["key"])
+    assert page.ask("change_kept", how="restore", key=first["key"])["type"] == "failure"
     assert [each.name for each in (tmp_path / "edits").glob("*.deleted")] == [f"{second['key']}.deleted"]

@@ -1,6 +1,5 @@
 """Test that the folders of servers that were killed are deleted, and no other folders."""
 
-import os
 import tempfile
 from pathlib import Path
 
@@ -27,9 +26,7 @@ def test_a_folder_is_deleted_after_its_server_was_killed(place: Path) -> None:
     own = TemporaryFolder()
     assert not killed.exists()
     assert all((folder / "mesh.obj").exists() for folder in (runs, other, new))
-    os.utime(new, (0, 0))
     second = TemporaryFolder()
-    assert not new.exists(), "a server locks its folder at once"
     assert own.path.exists()
     for each in (own, second):
         each.cleanup()

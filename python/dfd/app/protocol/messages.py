@@ -265,9 +265,7 @@ class StateMessage(Answer):
     planes: tuple[SymmetryPlane, ...] = ()  # the planes of symmetry that were found
     default: PoseTransform | None = None  # D₀ of Eq. 1, which moves the rest of the shape; `handle` is 0
     preset: Preset
-    can_undo: bool = False
-    can_redo: bool = False
-    steps: tuple[str, ...] = ()  # names of the steps that `go` can reach, the oldest first
+    steps: tuple[str, ...] = ()  # names of the steps that `go` can undo or redo, the oldest first
     step: int = 0  # number of `steps` that are done
     field: FieldState
     poses: tuple[KeyPose, ...]
@@ -376,11 +374,10 @@ class AxisMessage(Answer):
 
 
 class Proposal(Model):
-    """Other controls that a handle could have, and how much of the surface it would then move."""
+    """Other controls that a handle could have."""
 
     label: str
     controls: dict[str, str | int]
-    share: float
 
 
 class ProposalsMessage(Answer):

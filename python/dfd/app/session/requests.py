@@ -17,9 +17,8 @@ from dfd.app.protocol.messages import Controls, Index, PartChange, Place, PoseTr
 from dfd.app.protocol.requests import HANDLERS, Request, request
 from dfd.app.session import exports
 from dfd.app.session.marks import replace_marks
-from dfd.app.session.proposals import proposals
 from dfd.app.session.session import Session
-from dfd.app.session.state import quantized, short_drag
+from dfd.app.session.state import Editing, quantized, short_drag
 from dfd.app.session.surface import Arrays, centered, packed_normals
 from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
@@ -36,6 +35,7 @@ from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
 
 NO_CONTROLS = Controls()
+FOLLOWERS = {"none": "Only this", "mirror": "Mirrored", "all": "All alike"}  # who follows, in words
 SAME_WEIGHTS = 0.02  # proposals whose weights differ by less than this share of their mean look the same
 
 ArrayAnswer = tuple[messages.Answer, Arrays]
@@ -110,7 +110,7 @@ def propose(session: Session, handle: int) -> ArrayAnswer:
     seen = [_following(deformer, handle)]
     found: list[messages.Proposal] = []
     arrays: Arrays = {}
-    for label, controls in proposals(deformer, editing.parts, handle):
+    for label, controls in _proposals(editing, handle):
         with _tried(deformer), suppress(ValueError):
             _change(session, handle, Controls(**controls))
             weights = _following(deformer, handle)
@@ -120,9 +120,19 @@ def propose(session: Session, handle: int) -> ArrayAnswer:
             posed, number = deformer.vertices, len(found)
             normals = updated_normals(mesh.normals, mesh.vertices, posed, mesh.faces)
             arrays |= {f"positions{number}": centered(mesh, posed), f"normals{number}": packed_normals(normals)}
-            share = float((weights > 0.5).mean())
-            found.append(messages.Proposal(label=label, controls=controls, share=share))
+            found.append(messages.Proposal(label=label, controls=controls))
     return messages.ProposalsMessage(handle=handle, proposals=tuple(found)), arrays
+
+
+def _proposals(editing: Editing, handle: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the label and the controls of each proposal: who else may follow, and a smaller and a larger part."""
+    own, parts = editing.deformer.edit.handle(handle), editing.parts
+    if own.controls.reach != "part" or own.place.region is not None:
+        return
+    yield from ((label, {"follow": value}) for value, label in FOLLOWERS.items() if value != own.controls.follow)
+    for step, label in ((-1, "Smaller"), (1, "Larger")):
+        with suppress(ValueError):  # there is no such part
+            yield label, {"level": parts.next_level(parts.origin(own), own.controls.level, step)}
 
 
 def _following(deformer: Deformer, handle: int) -> Float32:
@@ -364,21 +374,9 @@ def set_default(session: Session, transform: Transform, merge: bool = False) -> 
 
 
 @request
-def undo(session: Session) -> None:
-    """Undo the newest step."""
-    go(session, session.require().history.done - 1)
-
-
-@request
-def redo(session: Session) -> None:
-    """Redo the step that was undone last."""
-    go(session, session.require().history.done + 1)
-
-
-@request
-def go(session: Session, step: int) -> None:
-    """Undo or redo steps until the first `step` of the `steps` in `state` are done, or no step is left."""
-    session.require().history.go(step)
+def go(session: Session, by: int) -> None:
+    """Redo the next `by` of the `steps` in `state`; undo if `by` is negative. Stop if no step is left."""
+    session.require().history.go(by)
     session.tell_state()
 
 

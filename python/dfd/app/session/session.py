@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,16 @@ from pydantic import Field
 from dfd.app.options import SAMPLES, OpenedFile, Opening, SessionOptions, Source, read_shape
 from dfd.app.protocol import messages
 from dfd.app.protocol.requests import request
-from dfd.app.session import kept_edits
-from dfd.app.session.kept_edits import KeptEdit, find_recent, recent_edits, upload_folder
+from dfd.app.session.kept_edits import (
+    KeptEdit,
+    delete_kept,
+    duplicate_kept,
+    find_recent,
+    recent_edits,
+    rename_kept,
+    restore_kept,
+    upload_folder,
+)
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.stages import ENDS, OTHERS, STAGES
 from dfd.app.session.state import Editing, quantized
@@ -227,28 +235,22 @@ class Session:
             self._kept.keep_picture(picture)
 
     @request
-    def rename_kept(self, key: messages.Text, name: messages.Text) -> None:
-        """Rename a kept edit. Before the answer, the server sends `start`."""
-        kept_edits.rename_kept(key, name)
-        self._tell_start()
+    def change_kept(
+        self,
+        key: messages.Text,
+        how: Literal["rename", "duplicate", "delete", "restore"],
+        name: messages.Text | None = None,
+    ) -> None:
+        """Rename, copy or delete a kept edit, or bring it back. Before the answer, the server sends `start`.
 
-    @request
-    def duplicate_kept(self, key: messages.Text) -> None:
-        """Copy a kept edit. Before the answer, the server sends `start`."""
-        kept_edits.duplicate_kept(key)
-        self._tell_start()
-
-    @request
-    def delete_kept(self, key: messages.Text) -> None:
-        """Delete a kept edit, so that `restore_kept` can bring it back. Before the answer, the server sends `start`."""
-        kept_edits.delete_kept(key)
-        self._tell_start()
-
-    @request
-    def restore_kept(self, key: messages.Text) -> None:
-        """Bring back a deleted edit. Before the answer, the server sends `start`, unless a shape is open."""
-        kept_edits.restore_kept(key)
-        self._tell_start()
+        "rename" needs `name`. A deleted edit can be restored for an hour.
+        """
+        if how == "rename":
+            rename_kept(key, name or key)
+        else:
+            {"duplicate": duplicate_kept, "delete": delete_kept, "restore": restore_kept}[how](key)
+        if self.mesh is None:
+            self._tell_start()
 
     @request
     def open_recent(self, key: messages.Text) -> None:
@@ -268,9 +270,7 @@ class Session:
         self._tell_start()
 
     def _tell_start(self) -> None:
-        """Tell the page that no shape is open, unless one is."""
-        if self.mesh is not None:
-            return
+        """Tell the page that no shape is open."""
         self.send(messages.StartMessage(recent=self._recent()))
 
     def _recent(self) -> tuple[messages.RecentShape, ...]:

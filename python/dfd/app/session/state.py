@@ -150,8 +150,6 @@ class Editing:
             ),
             marks=marks_of(deformer),
             fitted=self.fitted[1] if self.fitted[0] is deformer.edit else None,
-            can_undo=self.history.done > 0,
-            can_redo=self.history.done < len(steps),
             steps=steps,
             step=self.history.done,
             **{**common, "preset": deformer.preset},

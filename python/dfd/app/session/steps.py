@@ -41,12 +41,11 @@ class Steps:
         first, _, end = self._window()
         return tuple(named(before, after) for before, after in pairwise(self._deformer.states[0][first:end]))
 
-    def go(self, step: int) -> None:
-        """Undo or redo until the first `step` listed steps are done, or no step is left."""
+    def go(self, by: int) -> None:
+        """Redo the next `by` listed steps; undo if `by` is negative. Stop if no step is left."""
         first, now, end = self._window()
-        target = min(max(first + step, first), end - 1)
-        for _ in range(abs(target - now)):
-            self._deformer.undo() if target < now else self._deformer.redo()
+        for _ in range(min(by, end - 1 - now) if by > 0 else min(-by, now - first)):
+            self._deformer.redo() if by > 0 else self._deformer.undo()
 
 
 def named(before: Edit, after: Edit) -> str:

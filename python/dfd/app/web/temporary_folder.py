@@ -2,7 +2,6 @@
 
 import shutil
 import tempfile
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,7 +9,6 @@ from filelock import FileLock, Timeout
 
 PREFIX = "dfd-app-"
 LOCK = ".running"  # this file is locked while the server runs; the system unlocks it when the process ends
-STARTING = 60.0  # seconds within which a server locks its new folder
 
 
 class TemporaryFolder:
@@ -20,9 +18,11 @@ class TemporaryFolder:
     """
 
     def __init__(self) -> None:
-        for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-            with suppress(OSError):  # for example, the folder of another user
-                _delete_if_unused(path)
+        for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*/{LOCK}"):
+            with suppress(Timeout, OSError):  # the server runs, or belongs to another user
+                with FileLock(path, timeout=0):
+                    pass
+                shutil.rmtree(path.parent, ignore_errors=True)
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = FileLock(self.path / LOCK)
         self._lock.acquire()
@@ -31,19 +31,3 @@ class TemporaryFolder:
         """Delete the folder."""
         self._lock.release()
         shutil.rmtree(self.path, ignore_errors=True)
-
-
-def _delete_if_unused(path: Path) -> None:
-    """Delete a folder whose server has ended. A folder without a lock may belong to a server that starts just now."""
-    if path.is_symlink() or not path.is_dir():
-        return
-    if (path / LOCK).exists():
-        lock = FileLock(path / LOCK)
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            return
-        lock.release()
-    elif time.time() - path.stat().st_mtime <= STARTING:
-        return
-    shutil.rmtree(path, ignore_errors=True)

@@ -3,43 +3,35 @@
 import { execFileSync } from "node:child_process";
 import { existsSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
-import { compile } from "json-schema-to-typescript";
 
 const place = (path) => fileURLToPath(new URL(path, import.meta.url));
 const installed = place("../../../../../.venv/bin/python");
 const python = process.env.DFD_PYTHON ?? (existsSync(installed) ? installed : "python3");
 const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
-/** Return a schema without titles of properties, each of which would become a type. `prefixItems` becomes `items`. */
-function simplified(node, keepTitle = false) {
-  if (Array.isArray(node)) return node.map((entry) => simplified(entry));
-  if (node === null || typeof node !== "object") return node;
-  const entries = Object.entries(node).flatMap(([key, value]) => {
-    if (key === "title" && typeof value === "string" && !keepTitle) return [];
-    if (key === "prefixItems") return [["items", simplified(value)]];
-    if (key === "properties" || key === "$defs") {
-      const parts = Object.entries(value).map(([name, part]) => [name, simplified(part, key === "$defs")]);
-      return [[key, Object.fromEntries(parts)]];
-    }
-    return [[key, simplified(value)]];
-  });
-  return Object.fromEntries(entries);
+/** Return the TypeScript type of a schema. Messages are never changed, so their arrays and fields are readonly. */
+function typeOf(node) {
+  if (node.$ref) return node.$ref.split("/").at(-1);
+  if ("const" in node) return JSON.stringify(node.const);
+  if (node.enum) return node.enum.map((value) => JSON.stringify(value)).join(" | ");
+  const choices = node.anyOf ?? node.oneOf;
+  if (choices) return choices.map((each) => `(${typeOf(each)})`).join(" | ");
+  if (node.prefixItems) return `readonly [${node.prefixItems.map(typeOf).join(", ")}]`;
+  if (node.type === "array") return `readonly (${typeOf(node.items)})[]`;
+  if (node.type === "object") return `Readonly<Record<string, ${typeOf(node.additionalProperties)}>>`;
+  return { integer: "number" }[node.type] ?? node.type;
 }
 
-// The server writes every key, even a key with its default value, so all keys are required.
-for (const [name, definition] of Object.entries(schema.$defs)) {
-  if (/Message$|State$/.test(name)) definition.required = Object.keys(definition.properties);
-}
-
-const types = await compile(simplified(schema, true), "Protocol", {
-  bannerComment: "// Made by `npm run protocol`.",
-  additionalProperties: false,
-  style: { printWidth: 120 },
+const types = Object.entries(schema.$defs).map(([name, { description, properties, required = [] }]) => {
+  // The server writes every key, even a key with its default value.
+  const whole = /Message$|State$/.test(name);
+  const fields = Object.entries(properties).map(
+    ([key, field]) => `  readonly ${key}${whole || required.includes(key) ? "" : "?"}: ${typeOf(field)};`,
+  );
+  return `/** ${(description ?? name).replaceAll("\n", "\n * ")} */\nexport interface ${name} {\n${fields.join("\n")}\n}\n`;
 });
-// Messages are never changed, so their arrays are readonly.
-const tuples = types.replace(/\[(?=number,|\s*\[)/g, "readonly [").replace(/(\w+)\[\]/g, "readonly $1[]");
 // The fields of a transform and their values at rest.
 const motions = Object.entries(schema.$defs.PoseTransform.properties).filter(([name]) => name !== "handle");
 const rest = JSON.stringify(Object.fromEntries(motions.map(([name, field]) => [name, field.default])));
 const values = `export const REST_VALUES: Required<Omit<PoseTransform, "handle">> = ${rest};\n`;
-writeFileSync(place("../src/protocol/messages.ts"), tuples + values);
+writeFileSync(place("../src/protocol/messages.ts"), ["// Made by `npm run protocol`.\n", ...types, values].join("\n"));

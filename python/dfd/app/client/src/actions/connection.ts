@@ -57,7 +57,7 @@ export function send(request: Request): number {
   if (socket?.readyState !== WebSocket.OPEN) return 0;
   const id = next++;
   socket.send(JSON.stringify({ ...request, id }));
-  if (oldest === 0) awaitAnswer(id);
+  setTimeout(() => answered < id && store.set({ busy: true }), NOTICED);
   return id;
 }
 
@@ -67,21 +67,12 @@ export function ask(request: Request, quiet = false): Promise<Received | null> {
   return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, { resolve, quiet }));
 }
 
-/** The oldest request without an answer, or 0. The server answers in order, or leaves out requests that are outdated. */
-let oldest = 0;
-let noticing = 0;
+/** The newest request with an answer. The server answers in order, or leaves out requests that are outdated. */
+let answered = 0;
 
-function awaitAnswer(id: number): void {
-  oldest = id;
-  noticing = window.setTimeout(() => store.set({ busy: true }), NOTICED);
-}
-
-function answered(id: number): void {
-  if (id < oldest || oldest === 0) return;
-  clearTimeout(noticing);
-  oldest = 0;
-  if (id < next - 1) awaitAnswer(id + 1);
-  else if (store.get().busy) store.set({ busy: false });
+function settle(id: number): void {
+  answered = Math.max(answered, id);
+  if (answered === next - 1 && store.get().busy) store.set({ busy: false });
 }
 
 /** Remember the kept edit of the shape, also when the page is loaded again. */
@@ -125,7 +116,7 @@ export function connect(): void {
     if (socket !== own) return;
     for (const { resolve } of waiting.values()) resolve(null);
     waiting.clear();
-    answered(next - 1);
+    settle(next - 1);
     if (code in DISMISSALS) {
       store.set({ link: "closed", ended: DISMISSALS[code] });
       return;
@@ -146,5 +137,5 @@ function received(answer: Received): void {
   if (!failed || !request?.quiet) receive(answer);
   request?.resolve(failed ? null : answer);
   waiting.delete(message.id);
-  answered(message.id);
+  settle(message.id);
 }

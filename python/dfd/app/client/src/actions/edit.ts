@@ -182,7 +182,7 @@ function drop(): void {
 /** Return the handle to where it was before the drag. */
 function cancel(own: Drag): void {
   store.set({ ahead: new Map([...store.get().ahead].filter(([handle]) => handle !== own.handle)) });
-  if (own.begun) send({ type: "undo" });
+  if (own.begun) send({ type: "go", by: -1 });
   drop();
 }
 

@@ -129,6 +129,6 @@ export function savePicture(picture: Blob): void {
 }
 
 export function megabytes(bytes: number): string {
-  if (bytes >= 1e9) return `${(bytes / 1e9).toFixed(1)} GB`;
-  return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
+  const format = { style: "unit", unit: "megabyte", maximumSignificantDigits: 3 } as const;
+  return new Intl.NumberFormat("en", format).format(bytes / 1e6);
 }

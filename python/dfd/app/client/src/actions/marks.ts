@@ -62,5 +62,5 @@ export function dropMark(cancels = false): boolean {
 function settle(): void {
   if (store.get().dragging) return;
   store.set({ marked: null });
-  if (drag.cancelled && drag.begun) send({ type: "undo" });
+  if (drag.cancelled && drag.begun) send({ type: "go", by: -1 });
 }

@@ -12,15 +12,11 @@ import { Timeline } from "./timeline";
 
 /** All panels. Preact does not manage the canvas beneath them. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const { page, inspector, timeline, dropping, narrow, busy, mesh, dragging } = useParts();
+  const { page, inspector, timeline, dropping, narrow, busy, mesh, dragging, link } = useParts();
   const shape = page === "shape";
   useEffect(() => {
-    const root = document.documentElement;
-    root.dataset.page = page;
-    root.dataset.inspector = String(shape && inspector);
-    root.dataset.timeline = String(shape && timeline);
-    root.dataset.busy = String(busy);
-    root.dataset.dragging = String(dragging);
+    const shown = { page, inspector: shape && inspector, timeline: shape && timeline, busy, dragging };
+    Object.assign(document.documentElement.dataset, shown);
     document.title = shape && mesh ? `${mesh.name} – dfd` : "dfd";
   }, [page, inspector, timeline, busy, mesh, dragging]);
   return (
@@ -38,21 +34,16 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
         </>
       )}
       {page === "start" && <Start />}
-      {page === "waiting" && <Waiting />}
+      {page === "waiting" && (
+        <main class="start waiting">
+          <p role="status">{link === "lost" ? "The server does not answer. Trying again…" : "Connecting…"}</p>
+        </main>
+      )}
       <ProgressCard />
       <Toasts />
       <Help />
       <Ended />
       {dropping && <div class="dropping">Drop the files to open them</div>}
     </>
-  );
-}
-
-function Waiting() {
-  const { link } = useParts();
-  return (
-    <main class="start waiting">
-      <p role="status">{link === "lost" ? "The server does not answer. Trying again…" : "Connecting…"}</p>
-    </main>
   );
 }

@@ -82,15 +82,17 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     file("Weights", "NPZ", "weights", handles),
   ];
   const steps = ["Beginning", ...(edit?.steps ?? [])].map((name, step): MenuItem => {
-    return [name, step === done ? "now" : "", step === done ? null : () => send({ type: "go", step })];
+    const by = step - done;
+    return [name, by === 0 ? "now" : "", by === 0 ? null : () => send({ type: "go", by })];
   });
+  const [undoable, redoable] = [done > 0, done < steps.length - 1];
   steps.reverse();
   const pictures: MenuItem[] = [
     ["Save a picture", "PNG", () => viewer.screenshot()],
     ["Without background", "PNG", () => viewer.screenshot(true)],
   ];
-  const undo = <ActionButton action="undo" disabled={!edit?.can_undo} />;
-  const redo = <ActionButton action="redo" disabled={!edit?.can_redo} />;
+  const undo = <ActionButton action="undo" disabled={!undoable} />;
+  const redo = <ActionButton action="redo" disabled={!redoable} />;
   const inspect = <ActionButton action="inspector" pressed={inspector} />;
   const name = <h1 class="name" title={mesh?.name} children={mesh?.name ?? "dfd"} />;
   if (narrow)

@@ -18,13 +18,8 @@ const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => strin
 /** Words of a choice that is shown with all its words. */
 const FOLLOWERS: Record<string, string> = { all: "All alike", mirror: "Mirrored", none: "Only this" };
 
-interface ControlProps {
-  readonly name: string;
-  readonly handle: HandleState;
-}
-
 /** A control of a handle, as the server describes it. */
-export function ControlField({ name, handle }: ControlProps) {
+export function ControlField({ name, handle }: { readonly name: string; readonly handle: HandleState }) {
   const { session, mesh } = useParts();
   const entry = session?.controls.find((each) => each.name === name);
   const size = mesh?.diagonal ?? 1;

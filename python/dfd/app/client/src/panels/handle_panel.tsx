@@ -55,7 +55,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         </div>
       }
     >
-      <PartButtons ways={state.edit?.field.parts ?? []} handle={known} />
+      <PartButtons handle={known} />
       {SHOWN.map(field)}
       <Toggle
         label={
@@ -121,15 +121,11 @@ const PIVOTS: Record<PivotAt, string> = {
   plane: "on the mirror plane",
 };
 
-interface BendProps {
-  readonly handle: number;
-  readonly transform: Transform;
-}
-
 const JOINTS = { spread: "over its length", auto: "at its joint", here: "at the handle" };
 
 /** The bend and the twist of the handle's part. */
-function Bend({ handle, transform: { bend, twist, joint } }: BendProps) {
+function Bend({ handle, transform }: { readonly handle: number; readonly transform: Transform }) {
+  const { bend, twist, joint } = transform;
   const degrees = Math.hypot(...bend);
   // The server chooses the direction of the first bend: up, or to the front.
   const bendBy = (angle: number) =>
@@ -198,14 +194,9 @@ const NOT_FOUND =
   "No part was found here, so all surface that looks alike follows. Take another step, or paint a region.";
 const LEFT = "Another piece touches this part, and stays behind.";
 
-interface PartButtonsProps {
-  readonly ways: readonly PartChange[];
-  readonly handle: HandleState;
-}
-
 /** The ladder of parts, and buttons for regions. While the pointer is on one of them, the view shows the new part. */
-function PartButtons({ ways, handle }: PartButtonsProps) {
-  const { ladders } = useParts();
+function PartButtons({ handle }: { readonly handle: HandleState }) {
+  const { ladders, edit } = useParts();
   const { handle: id, columns, region, origin, level } = handle;
   const ladder = region === 0 ? ladders.get(origin) : undefined;
   const at = ladder ? stepAt(ladder, level) : 0;
@@ -265,7 +256,7 @@ function PartButtons({ ways, handle }: PartButtonsProps) {
       {step && !step.found && <p class="empty">{NOT_FOUND}</p>}
       {step?.leaves && <p class="empty">{at === last ? LEFT : `${LEFT} A larger step may take it along.`}</p>}
       <div class="buttons">
-        {UNITS.filter(([way]) => ways.includes(way)).map(([way, hint]) => (
+        {UNITS.filter(([way]) => edit?.field.parts.includes(way)).map(([way, hint]) => (
           <Button
             key={way}
             text={titled(way)}

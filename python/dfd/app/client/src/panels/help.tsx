@@ -28,9 +28,6 @@ const WRONG: readonly Entry[] = [
   ["Shift Click", "Hold one more part"],
 ];
 const GROUPS: readonly Action["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
-function entriesOf(group: Action["group"]): readonly Entry[] {
-  return LIST.filter((action) => action.group === group).map(({ keys, label }) => [keys, label]);
-}
 
 export function Help() {
   const { help } = useParts();
@@ -41,20 +38,16 @@ export function Help() {
         <KeyGroup title="It moved too much, or too little" entries={WRONG} />
         <KeyGroup title="Pointer" entries={POINTER} />
         <KeyGroup title="Touch" entries={TOUCH} />
-        {GROUPS.map((group) => (
-          <KeyGroup key={group} title={group} entries={entriesOf(group)} />
-        ))}
+        {GROUPS.map((group) => {
+          const own = LIST.filter((action) => action.group === group);
+          return <KeyGroup key={group} title={group} entries={own.map(({ keys, label }) => [keys, label])} />;
+        })}
       </div>
     </Dialog>
   );
 }
 
-interface KeyGroupProps {
-  readonly title: string;
-  readonly entries: readonly Entry[];
-}
-
-function KeyGroup({ title, entries }: KeyGroupProps) {
+function KeyGroup({ title, entries }: { readonly title: string; readonly entries: readonly Entry[] }) {
   return (
     <section aria-label={title}>
       <h3>{title}</h3>

@@ -62,8 +62,11 @@ export function Start() {
 function Recent({ shape: { key, name, handles, seconds, present, picture } }: { readonly shape: RecentShape }) {
   const [naming, setNaming] = useState(false);
   const remove = () => {
-    send({ type: "delete_kept", key });
-    note(`${titled(name)} is deleted.`, { text: "Undo", run: () => send({ type: "restore_kept", key }) });
+    send({ type: "change_kept", key, how: "delete" });
+    note(`${titled(name)} is deleted.`, {
+      text: "Undo",
+      run: () => send({ type: "change_kept", key, how: "restore" }),
+    });
   };
   return (
     <li class="recent">
@@ -72,7 +75,7 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
           name={titled(name)}
           onDone={(typed) => {
             setNaming(false);
-            if (typed) send({ type: "rename_kept", key, name: typed });
+            if (typed) send({ type: "change_kept", key, how: "rename", name: typed });
           }}
         />
       ) : (
@@ -90,7 +93,7 @@ function Recent({ shape: { key, name, handles, seconds, present, picture } }: { 
         <IconButton
           icon="copy"
           label={`Duplicate ${titled(name)}`}
-          onClick={() => send({ type: "duplicate_kept", key })}
+          onClick={() => send({ type: "change_kept", key, how: "duplicate" })}
         />
         <IconButton icon="remove" label={`Delete ${titled(name)}`} onClick={remove} />
       </div>

@@ -52,12 +52,7 @@ export function typedMotion(
   value: number,
 ): Transform {
   const along = (axis ?? new Vector3(1, 0, 0)).clone();
-  const sum = (before: Vec3): Vec3 =>
-    along
-      .clone()
-      .multiplyScalar(value)
-      .add(new Vector3(...before))
-      .toArray();
+  const sum = (before: Vec3): Vec3 => new Vector3(...before).addScaledVector(along, value).toArray();
   if (motion === "translate") return { ...start, translation: sum(start.translation) };
   if (motion === "bend") return { ...start, bend: sum(start.bend) };
   if (motion === "rotate") {

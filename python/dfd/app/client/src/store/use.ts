@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useReducer, useRef } from "preact/hooks";
 
 import { store, type State } from "./state";
 
@@ -8,27 +8,20 @@ const READABLE = 100;
 /** Return the state. The component is drawn again when a value that it has read changes. */
 export function useParts(): State {
   const keys = useRef(new Set<keyof State>()).current;
-  const drawn = useRef(store.get());
-  drawn.current = store.get();
-  const [, redraw] = useState(0);
-  useEffect(() => {
+  const [, redraw] = useReducer((count: number) => count + 1, 0);
+  useLayoutEffect(() => {
     let timer = 0;
-    let last = 0;
-    const check = () => {
-      const now = store.get();
-      if (![...keys].some((key) => now[key] !== drawn.current[key])) return;
-      const wait = last + (now.dragging ? READABLE : 0) - performance.now();
-      clearTimeout(timer);
-      if (wait > 0) {
-        timer = window.setTimeout(check, wait);
-        return;
-      }
-      last = performance.now();
-      redraw((count) => count + 1);
+    const update = () => {
+      timer = 0;
+      redraw(undefined);
     };
-    // The state may have changed since the last update.
-    check();
-    const stop = store.watch((state) => state, check);
+    const stop = store.watch(
+      (state) => [...keys].map((key) => state[key]),
+      () => {
+        if (store.get().dragging) timer ||= window.setTimeout(update, READABLE);
+        else update();
+      },
+    );
     return () => {
       clearTimeout(timer);
       stop();

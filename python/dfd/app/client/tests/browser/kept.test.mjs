@@ -66,7 +66,7 @@ const saved = (page) => until(page, (s) => s.saved && s.ahead.size === 0);
 async function edited() {
   const tab = await openTab(browser, {}, url);
   await ready(tab.page);
-  assert.equal(await state(tab.page, (s) => s.edit.can_undo), false);
+  assert.equal(await state(tab.page, (s) => s.edit.step > 0), false);
   await hold(tab.page, ALIKE, 1);
   await drag(tab.page, [0, -50], -60);
   await saved(tab.page);

@@ -145,7 +145,7 @@ test("the list of steps goes back to any step", async () => {
   await shot(page, "steps");
   await page.getByRole("menuitem", { name: "Beginning" }).click();
   await until(page, (s) => s.edit.step === 0 && s.edit.handles.length === 0);
-  assert.equal(await state(page, (s) => s.edit.can_undo), false);
+  assert.equal(await state(page, (s) => s.edit.step > 0), false);
   await choose(page, "Steps", "Scale handle 2");
   await until(page, (s) => s.edit.handles[0]?.scale[0] === 2);
 });

@@ -14,7 +14,7 @@ const steps = [-1, 0, 2].map((level) => ({
   leaves: false,
 }));
 const ladder: LadderMessage = { id: 1, type: "ladder", vertex: 7, steps };
-const edit = { field: { status: "ready", parts: ["larger"] }, handles: [] as unknown } as StateMessage;
+const edit = { field: { status: "ready", parts: ["larger"] }, handles: [] } as unknown as StateMessage;
 const stopped = { ...edit, field: { ...edit.field, status: "none" } } as StateMessage;
 const rests: State = { ...store.get(), edit, ladders: new Map([[7, ladder]]) };
 const held: State = { ...rests, selected: 1, edit: { ...edit, handles: [handle] } };

@@ -5,6 +5,7 @@ import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import { dragTo, endDrag, startDrag } from "../../actions/edit";
 import {
+  add,
   apply,
   basisOf,
   matrixOf,
@@ -138,21 +139,19 @@ export class Gizmo {
   /** The place of the gizmo when the drag began. */
   private start = { position: new Vector3(), quaternion: new Quaternion() };
 
-  private read({ transform, position, center, bends, pivoting }: Held): Transform {
+  private read(held: Held): Transform {
+    const { transform, position, center, bends, pivoting } = held;
     const { mesh, snap } = store.get();
+    const known = selectedHandle(store.get());
+    const now = known ? present(store.get(), known).transform : transform;
     if (this.controls.mode === "rotate") {
       const turned = this.turned(snap).multiply(axesTurn(transform).invert());
-      const known = selectedHandle(store.get());
-      const now = known ? present(store.get(), known).transform.rotation : transform.rotation;
-      return { ...transform, rotation: rotationOf(turned.normalize(), now) };
+      return { ...transform, rotation: rotationOf(turned.normalize(), now.rotation) };
     }
     const moved = this.proxy.position.clone().sub(this.start.position);
     if (snap && mesh && !bends) snapAlong(moved, niceStep(mesh.diagonal / 50), this.frame);
-    const grip = moved
-      .add(this.start.position)
-      .add(new Vector3(...center))
-      .toArray();
-    if (bends) return { ...transform, bend: this.bent(bends, transform, position, grip, center, snap) };
+    const grip = add(moved.add(this.start.position).toArray(), center);
+    if (bends) return { ...transform, bend: this.bent(held, bends, grip, now.bend) };
     if (pivoting) return { ...transform, pivot: subtract(grip, transform.translation), pivot_at: null };
     return { ...transform, translation: subtract(grip, transform.pivot ?? position) };
   }
@@ -169,17 +168,8 @@ export class Gizmo {
     return quaternionOf(scaled).multiply(start.quaternion);
   }
 
-  /** Return the bend that moves the tip with the pointer, and put the gizmo at the tip. */
-  private bent(
-    bends: BendAxis,
-    transform: Transform,
-    position: Vec3,
-    grip: Vec3,
-    center: Vec3,
-    snap: boolean,
-  ): Transform["bend"] {
-    const known = selectedHandle(store.get());
-    const from = known ? present(store.get(), known).transform.bend : transform.bend;
+  /** Return the bend that moves the tip to `grip`, and put the gizmo at the tip. The search begins at `from`. */
+  private bent({ transform, position, center }: Held, bends: BendAxis, grip: Vec3, from: Vec3): Vec3 {
     // The transform acts after the bend.
     const matrix = matrixOf(transform, position);
     const rows = this.grabbedRows(new Vector3(...subtract(grip, center)));
@@ -189,8 +179,8 @@ export class Gizmo {
     };
     let bend = bendTowards(bends, from, transform.joint, misses);
     const angle = Math.hypot(...bend);
-    if (snap && angle > 0)
-      bend = bend.map((part) => (part * stepped(angle, this.step)) / angle) as unknown as Transform["bend"];
+    if (store.get().snap && angle > 0)
+      bend = bend.map((part) => (part * stepped(angle, this.step)) / angle) as unknown as Vec3;
     const tip = apply(matrix, bentTip(bends, bend, transform.joint));
     this.proxy.position.set(...subtract(tip, center));
     return bend;
@@ -214,10 +204,8 @@ export class Gizmo {
         .map((i) => new Vector3().setComponent(i, 1).applyQuaternion(this.frame));
     const { camera } = this.stage;
     const sight = at.clone().sub(camera.position).normalize();
-    const across = sight
-      .clone()
-      .cross(new Vector3(0, 1, 0).applyQuaternion(camera.quaternion))
-      .normalize();
+    const up = new Vector3(0, 1, 0).applyQuaternion(camera.quaternion);
+    const across = up.cross(sight).negate().normalize();
     return [across, across.clone().cross(sight)];
   }
 
