@@ -79,7 +79,7 @@ def one_step(session, random, folder):
             raise
 
 
-@pytest.mark.parametrize("steps", [40, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", [40, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_session_gives_the_shape_of_a_fresh_session_after_every_step(shape, steps, tmp_path):
     mesh, name = SHAPES[shape]()
