@@ -1,5 +1,8 @@
 """Test that edits are kept on disk: after the tab is closed, another file is opened, or the server is stopped."""
 
+from __future__ import annotations
+
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +10,12 @@ from typing import Any
 
 import pytest
 from app_page import Page, Shape
-from test_sessions import session_of
+from test_sessions import leave, session_of
 
 import dfd
 from dfd.app.options import OpenedFile, SessionOptions
 from dfd.app.session import kept_edits
+from dfd.app.session import session as session_module
 from dfd.app.web.launch import RunningApp
 from dfd.editing.edit_file import read_edit
 
