@@ -289,7 +289,10 @@ step("all changes can be undone and redone", async () => {
   }
   assert.equal((await handles()).length, 0);
   while (!(await handles())[0]?.moved) {
-    assert.ok(await state(page, (s) => s.edit.step < s.edit.steps.length), "no step is left to redo, but the handle is at rest");
+    assert.ok(
+      await state(page, (s) => s.edit.step < s.edit.steps.length),
+      "no step is left to redo, but the handle is at rest",
+    );
     const before = await state(page, (s) => s.edit.after);
     await page.keyboard.press("Control+y");
     await until(page, (s, after) => s.edit.after > after, before);
