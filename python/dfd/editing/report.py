@@ -12,7 +12,7 @@ from dfd.editing.shape import blend_of, carried, resting
 from dfd.editing.weights.axis_motions import bendable_parts, level_with_axis
 from dfd.editing.weights.fill import Column
 from dfd.editing.weights.session_weights import SessionWeights, is_split
-from dfd.geometry.gaps import Gaps
+from dfd.geometry.gaps import TOUCHING, Gaps
 from dfd.geometry.topology import face_sides
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Vector, vector
@@ -21,9 +21,6 @@ from dfd.posing.transforms import Vector, vector
 # A handle counts as arrived if its distance from its target is at most this.
 VISIBLE = 1e-3
 LEAST_STRETCH = 1.05  # smaller stretches of edges are not mentioned
-# A gap between two pieces counts if the motion widens it by more than this fraction of the bounding-box diagonal. It is
-# above the distance between samples of the surface, by which gaps are measured (`dfd.geometry.gaps`).
-LEAST_GAP = 0.01
 LEAST_COUNTED = 0.35  # a counterpart counts if its largest weight is at least this fraction of the handle's largest
 
 
@@ -92,7 +89,7 @@ class Report:
     warning: str | None  # the reason why nothing moved, or None if a vertex moved
     advice: str | None = None  # a sentence about handles whose scale flattens or mirrors; None if no scale does
     gap: float = 0.0  # largest gap that opened between two pieces of the mesh that touch at rest, mesh units
-    loose: int = 0  # number of pairs of such pieces between which a visible gap opened
+    loose: int = 0  # number of pairs of such pieces that touch no longer
 
     def __repr__(self) -> str:
         """Return the class name with the sentence of `__str__`."""
@@ -169,7 +166,7 @@ def report(mesh: Mesh, edit: Edit, weights: SessionWeights, posed: Float64) -> R
         None if moved else _warning(edit),
         _advice(edit),
         float(gaps.max(initial=0.0)),
-        int((gaps > LEAST_GAP * mesh.diagonal).sum()),
+        int((gaps > TOUCHING * mesh.diagonal).sum()),
     )
 
 

@@ -219,23 +219,28 @@ def test_what_touches_only_the_moved_part_moves_with_it():
 
 
 def test_a_small_piece_beside_the_border_moves_as_the_surface_that_it_touches():
-    """A mirror touches the body of a car outside the part, in the blend band of a wide pull. A spoiler is farther.
+    """A mirror touches the body of a car in the blend band of a wide pull, its glass only the mirror.
 
-    A lamp touches only the mirror, and a handle the body inside the part.
+    A lamp touches the body inside and outside the part. A spoiler is farther.
     """
     post = straight(2.0, 61, 0.2)
-    mirror, spoiler, handle = (box((0.22, height, 0), (0.1, 0.06, 0.06)) for height in (0.95, 0.1, 1.06))
-    mesh, piece = joined(post, mirror, spoiler, box((0.3, 0.95, 0), (0.06, 0.04, 0.04)), handle)
+    mirror, spoiler = (box((0.22, height, 0), (0.1, 0.06, 0.06)) for height in (0.95, 0.1))
+    glass, lamp = box((0.29, 0.95, 0), (0.04, 0.04, 0.04)), box((-0.22, 1.0, 0), (0.1, 0.3, 0.06))
+    mesh, piece = joined(post, mirror, spoiler, glass, lamp)
     component = np.where((piece == 0) & (mesh.vertices[:, 1] > 1.0), 0, -1)
     tip = int(np.where(piece == 0, mesh.vertices[:, 1], -9).argmax())
     weights = held_weights(mesh, component, tip, (0.4, 0, 0))
-    beside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.95) < 0.04)]
-    assert 0.05 < beside.min() < beside.max() < 0.95
+    beside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 0.95) < 0.06)]
+    assert 0.02 < beside.min() < beside.max() < 0.95
     assert beside.min() - 0.02 <= weights[piece == 1].min() <= weights[piece == 1].max() <= beside.max() + 0.02
     np.testing.assert_array_equal(weights[piece == 2], 0)
-    np.testing.assert_allclose(weights[piece == 3], weights[piece == 1].mean(), atol=0.02)
-    inside = weights[(piece == 0) & (np.abs(mesh.vertices[:, 1] - 1.06) < 0.04)]
-    assert inside.min() - 0.02 <= weights[piece == 4].min() <= weights[piece == 4].max() <= inside.max() + 0.02
+    assert (
+        weights[piece == 1].min() <= weights[piece == 3].min() <= weights[piece == 3].max() <= weights[piece == 1].max()
+    )
+    heights = mesh.vertices[:, 1]
+    for height in (0.86, 1.0, 1.14):
+        near = np.abs(heights - height) < 0.03
+        assert weights[(piece == 4) & near].mean() == pytest.approx(weights[(piece == 0) & near].mean(), abs=0.1)
     loose = hold(mesh, component, tip, mesh.vertices[tip], detach=True).components[0]
     assert not np.isin(loose.vertices, np.flatnonzero(piece == 1)).any()
 

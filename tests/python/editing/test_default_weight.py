@@ -43,7 +43,7 @@ def formula(mesh, component, motion):
         along = (u @ component.direction).clip(0)
         across = np.linalg.norm(u - along[:, None] * component.direction, axis=1)
     o = min(max(h, 1.5 * across.max(), 3 * (1 - rho) * along.max()), component.outward)
-    n = min(max(h, 3 * across.max() - o, 3 * along.max()), component.inward)
+    n = max(min(max(h, 3 * across.max() - o), component.inward), min(3 * along.max(), component.link))
     if len(component.border):
         weights *= step((component.depth + o) / (o + n))
     contacts = component.contacts

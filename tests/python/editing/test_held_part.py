@@ -4,7 +4,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from made_tube import AROUND, straight
+from made_tube import AROUND, straight, tube
 from scipy.sparse import csr_array
 from sheet import grid
 
@@ -46,6 +46,26 @@ def test_a_part_with_two_borders_has_no_direction_and_the_mean_radius():
     assert not middle.direction.any()
     assert middle.radius == pytest.approx(RADIUS, rel=0.01)
     np.testing.assert_allclose(np.unique(np.round(middle.border[:, 1])), (1, 3))
+
+
+def test_a_motion_that_lengthens_a_part_stretches_its_thin_neck():
+    heights = np.linspace(0, LENGTH, RINGS)
+    mesh = tube(heights[:, None] * (0, 1, 0), np.where((heights > 0.9) & (heights < 1.5), 0.1, 0.5))
+    component = np.where(mesh.vertices[:, 1] > 1.0, 0, -1)
+    head = hold(mesh, component, len(mesh.vertices) - 1, mesh.vertices[-1]).components[0]
+    assert 0.3 < head.link < 0.6 < 1.4 < head.inward
+    assert head.room == pytest.approx(head.link / head.inward)
+    assert held_above(1.0, 4.0).link == held_above(1.0, 4.0).inward
+    up, aside = (np.column_stack([np.eye(3), each]) for each in ((0, 0.4, 0), (0.4, 0, 0)))
+    assert band_of(head, up, np.eye(3, 4), 4.0).inward == head.link < 0.8 < band_of(head, aside, up, 4.0).inward
+
+
+def test_a_part_with_borders_on_one_side_has_a_direction():
+    """The middle of an arch: its two posts are below."""
+    turn = np.linspace(0, np.pi, RINGS)
+    mesh = tube(np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1))
+    arch = hold(mesh, np.where(mesh.vertices[:, 1] > 0.5, 0, -1), AROUND * RINGS // 2, (0, 1, 0)).components[0]
+    np.testing.assert_allclose(arch.direction, (0, 1, 0), atol=0.02)
 
 
 def test_depth_is_the_distance_from_the_border_inside_and_outside():
@@ -98,11 +118,12 @@ def test_a_handle_outside_the_border_moves_the_border_beyond_it():
         (0.25, (0, 0.05, 0), (0.1125, 0.15)),  # near the border, also outside
         (1.0, (0, -0.4, 0), (0.3, 0.9)),  # surface that is compressed, on both sides
         (1.0, (9, 9, 9), (0.3, 1.0)),
+        (1.0, (0, 0.5, 0), (0.03, 0.8)),  # only where the limb is thin
     ],
 )
 def test_the_band_of_a_motion(room, pull, wanted):
     border = 0.2 * np.stack([np.cos(np.arange(8)), 0 * np.arange(8), np.sin(np.arange(8))], axis=1)
-    limb = Component(None, border, np.array([0.0, 1, 0]), 0.3, 0.3, 1.0, room, None, None, None, None)
+    limb = Component(None, border, np.array([0.0, 1, 0]), 0.3, 0.3, 1.0, 0.8, room, None, None, None, None)
     affine = np.column_stack([np.eye(3), pull])
     assert band_of(limb, affine, np.eye(3, 4), 9.0)[:2] == pytest.approx(wanted)
     # Only the motion relative to the surroundings counts.
@@ -222,7 +243,7 @@ def test_bands_do_not_depend_on_the_unit():
     border = 0.2 * np.stack([np.cos(np.arange(8)), 0 * np.arange(8), np.sin(np.arange(8))], axis=1)
     for unit in (1e-9, 1e9):
         sizes = unit * np.array([0.3, 0.3, 1.0])
-        limb = Component(None, unit * border, np.array([0.0, 1, 0]), *sizes, 1.0, None, None, None, None)
+        limb = Component(None, unit * border, np.array([0.0, 1, 0]), *sizes, sizes[-1], 1.0, None, None, None, None)
         affine = np.column_stack([np.eye(3), (0.4 * unit, 0, 0)])
         found = band_of(limb, affine, np.eye(3, 4), 9.0 * unit)
         assert np.divide(found[:2], unit) == pytest.approx((0.3, 0.9))

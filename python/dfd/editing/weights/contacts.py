@@ -5,7 +5,7 @@ on its own surface is attached only by its contacts, where it touches surface th
 fall to 0 at them, as at the border of a limb. What touches only the part, such as fingers on a hand, moves with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,12 +164,7 @@ def contacts_of(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[C
     outside = (component < 0) & nodes.used
     touching = (component[row] >= 0) & outside[graph.indices] & (piece[row] != piece[graph.indices])
     one, other = row[touching], graph.indices[touching].astype(np.int64)
-    bordered = np.zeros((len(held), piece.max() + 1), bool)
-    if len(one):
-        row = np.repeat(np.arange(len(component)), np.diff(nodes.surface.indptr))
-        row = row[(component[row] >= 0) & (component[nodes.surface.indices] < 0)]
-        bordered[component[row], piece[row]] = True
-    free = ~bordered[component[one], piece[one]]
+    free = unbordered(nodes, component)[one]
     one, other = one[free], other[free]
     found = [
         _contacts(nodes, component, k, one[component[one] == k], other[component[one] == k], at)
@@ -180,6 +175,16 @@ def contacts_of(nodes: Nodes, component: Int64, held: Sequence[Int64]) -> list[C
         if each is not None:
             each.drawn[drawn.argmin(axis=0) != k] = np.inf  # a piece between two components follows the nearer one
     return found
+
+
+def unbordered(nodes: Nodes, component: Int64) -> Bool:
+    """Return the nodes (N,) of components on pieces without a border of the component."""
+    piece, surface = nodes.component, nodes.surface
+    row = np.repeat(np.arange(len(component)), np.diff(surface.indptr))
+    row = row[(component[row] >= 0) & (component[surface.indices] < 0)]
+    bordered = np.zeros((component.max() + 1, piece.max() + 1), bool)
+    bordered[component[row], piece[row]] = True
+    return (component >= 0) & ~bordered[component, piece]
 
 
 def with_room(nodes: Nodes, contacts: Sequence[Contacts | None], held: Int64, most: float) -> list[Contacts | None]:
@@ -241,7 +246,8 @@ def _contacts(
         drawn[some[nearer]], base[some[nearer]] = away[nearer], partner[some[nearest[nearer]]]
         reach = min(reach, float(away[np.isfinite(away)].max()) / 2)
     if sources:
-        drawn = with_following(nodes, component, drawn, reach, own_area)
+        some, extended = following(nodes, component >= 0, drawn, reach, own_area)
+        drawn[some] = extended(drawn)
         some = np.flatnonzero(np.isfinite(drawn))
         known = np.flatnonzero(base[some] >= 0)
         nearest = dijkstra(nodes.graph[some][:, some], indices=known, min_only=True, return_predecessors=True)[2]
@@ -249,13 +255,16 @@ def _contacts(
     return Contacts(tuple(kept), apart, tuple(drawing), drawn, base, reach)
 
 
-def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, area: float) -> Float64:
-    """Return the distances `away` (N,) from a part, also for smaller pieces that touch surface near the part.
+def following(
+    nodes: Nodes, apart: Bool, away: Float64, reach: float, area: float
+) -> tuple[Int64, Callable[[Float64], Float64]]:
+    """Return the nodes (M,) of pieces that follow a part, and a function that extends distances to them.
 
-    Examples are a rung between two legs that stretch, and a mirror on the door of a car. They can touch one another.
-    `away` is infinite on other pieces, and may be negative on a component with a border on a touched piece. `area` is
-    that of the component. Where a piece touches surface that is no smaller piece, its distance is that of the surface,
-    at most `reach`. Between contacts, distances are harmonic. So the pieces move as what they touch.
+    Examples are a rung between two legs that stretch, and a mirror on the door of a car. `away` (N,) are distances from
+    the part, infinite on other pieces, and `area` is that of the component. A small piece follows if it touches surface
+    nearer than `reach`, and no nodes `apart` (N,). So do small pieces that touch it, if all of them together are small.
+    The function takes distances (N,). Where pieces touch other surface, they have its distance, at most `reach`.
+    Between contacts, distances are harmonic. So pieces move as what they touch.
     """
     graph, piece = nodes.graph, nodes.component
     row, beside = np.repeat(np.arange(len(piece)), np.diff(graph.indptr)), graph.indices
@@ -264,33 +273,33 @@ def with_following(nodes: Nodes, component: Int64, away: Float64, reach: float, 
     areas = np.bincount(piece, nodes.area)
     most = SMALLER * max(area, areas[piece[np.isfinite(away)]].max(initial=0.0))
     small = areas < most
-    small[piece[(component >= 0) | np.isfinite(away)]] = False
-    ended = np.zeros(len(small), bool)  # pieces with a border of the part on their own surface
-    edge = np.repeat(np.arange(len(piece)), np.diff(nodes.surface.indptr))
-    ended[piece[edge[(component[edge] >= 0) & (component[nodes.surface.indices] < 0)]]] = True
-    small[piece[row[(component[beside] >= 0) & ~ended[piece[beside]]]]] = False
-    both = small[piece[row]] & small[piece[beside]]
-    group = connected_components(csr_array((both, (piece[row], piece[beside])), shape=(len(small),) * 2))[1]
+    small[piece[apart | np.isfinite(away)]] = False
+    small[piece[row[apart[beside]]]] = False
     pulled = np.zeros(len(small), bool)
     pulled[piece[row[away[beside] < reach]]] = True
     pulled &= small
-    chain = np.bincount(group, areas * small) < most
-    some = np.flatnonzero((pulled | (small & (chain & (np.bincount(group, pulled) > 0))[group]))[piece])
+    both = small[piece[row]] & small[piece[beside]]
+    group = connected_components(csr_array((both, (piece[row], piece[beside])), shape=(len(small),) * 2))[1]
+    chained = (np.bincount(group, areas * small) < most) & (np.bincount(group, pulled) > 0)
+    some = np.flatnonzero((pulled | (small & chained[group]))[piece])
     if not len(some):
-        return away
+        return some, lambda distances: distances[some]
     conductance = nodes.surface[some][:, some]
     conductance.data = 1 / conductance.data
     spring = 1e3 * float(np.asarray(conductance.sum(axis=1)).max(initial=1.0))
-    among = np.isin(row, some) & np.isin(beside, some)
-    touching = (np.full(among.sum(), spring), np.searchsorted(some, [row[among], beside[among]]))
-    conductance = conductance + csr_array(touching, shape=conductance.shape)
-    total = np.asarray(conductance.sum(axis=1)).ravel()
-    at = np.isin(row, some) & ~among
-    place, known = np.searchsorted(some, row[at]), np.minimum(away[beside[at]], reach)
-    held, values = (spring * np.bincount(place, each, len(some)) for each in (np.ones(len(place)), known))
-    result = away.copy()
-    result[some] = splu((diags_array(total + held) - conductance).tocsc()).solve(values)
-    return result
+    at = np.isin(row, some)
+    place, other = np.searchsorted(some, row[at]), beside[at]
+    inner = np.isin(other, some)
+    links = place[inner], np.searchsorted(some, other[inner])
+    conductance += csr_array((np.full(len(links[0]), spring), links), shape=conductance.shape)
+    place, other = place[~inner], other[~inner]
+    held = spring * np.bincount(place, minlength=len(some))
+    solve = splu((diags_array(np.asarray(conductance.sum(axis=1)).ravel() + held) - conductance).tocsc()).solve
+
+    def extended(distances: Float64) -> Float64:
+        return np.asarray(solve(spring * np.bincount(place, np.minimum(distances[other], reach), len(some))))
+
+    return some, extended
 
 
 def _distances(graph: csr_array, some: Int64, sources: Int64) -> Float64:

@@ -69,11 +69,13 @@ class Component:
 
     counterpart: Counterpart  # the handle itself, or the place on this component that corresponds to it
     border: Float64  # (B, 3) points of the component's border; none if a whole piece of the mesh is the component
-    direction: Float64  # (3,) unit vector from the border to the middle; 0 if there is no border, or more than one
+    # direction: (3,) unit vector from the border to the middle; 0 without a border, or if several lie on two sides
+    direction: Float64
     radius: float  # r: mean radius of the borders (`held_part.OUTSIDE`); 0 without a border
     outward: float  # O: largest distance of the band's outer end from the border
     inward: float  # N: largest distance of the band's inner end from the border
-    # room: ρ: `inward` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
+    link: float  # L: largest depth of the band's inner end for a motion that lengthens the component
+    # room: ρ: `link` is this fraction of what it would be for a handle at the tip: a handle itself has weight 1
     room: float
     core: Share  # the vertices beyond the inner end of every band, and their share of the motion
     vertices: Int32  # (M,) vertices that a band can contain
@@ -95,7 +97,7 @@ class Component:
         if depth < min(self.inward, LEAST_DEPTH * self.radius) or not apart > 0:
             return None
         contacts = contacts and replace(contacts, free=min(contacts.free, apart))
-        return replace(self, inward=min(self.inward, depth), contacts=contacts)
+        return replace(self, inward=min(self.inward, depth), link=min(self.link, depth), contacts=contacts)
 
 
 class Band(NamedTuple):
@@ -203,7 +205,7 @@ def band_of(component: Component, affine: Float64, default: Float64, diagonal: f
     largest = 4 * (component.outward + component.inward)  # also after an overflow
     wide, long = np.fmin(wide, largest), np.fmin(long, largest)
     outward = min(max(rest.outward, wide / 2, (1 - component.room) * long), component.outward)
-    inward = min(max(rest.inward, wide - outward, long), component.inward)
+    inward = min(max(rest.inward, wide - outward, min(long, component.link)), component.inward)
     return rest._replace(outward=float(outward), inward=float(inward))
 
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import splu
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64, unit
-from dfd.editing.weights.contacts import Contacts, contacts_of, joined, with_following, with_hanging, with_room
+from dfd.editing.weights.contacts import Contacts, contacts_of, following, joined, unbordered, with_hanging, with_room
 from dfd.editing.weights.counterparts import find_counterparts
 from dfd.editing.weights.fill import LEAST_DEPTH, Component, Counterpart
 from dfd.geometry.coarse import Nodes, Share, nodes_of
@@ -26,6 +26,11 @@ from dfd.symmetry.plane import SymmetryPlane
 # its base. Outside the part, a band extends at most OUTSIDE radii, and covers at most BEYOND of the surface there.
 # Inside, it covers at most INSIDE of the component's depth, so that at least the outer half of a limb keeps its shape.
 OUTSIDE, BEYOND, INSIDE = 1.5, 0.2, 0.5
+# A motion that lengthens a component stretches it where it is thin: up to the depth at which its section is WIDER times
+# as long as the shortest one before. So the posts below the back of a chair stretch, but not the back. The number of
+# sections is SECTIONS. Of 68 pulls by 0.2 diagonals on 17 shapes, five change visibly: the backs of two chairs, a
+# table, the head of a robot, the body of an ant. Their edges change by 4.4 % in place of 9.1 %.
+WIDER, SECTIONS = 2.0, 16
 # Depths are smoothed by a Gaussian with this standard deviation, in radii, because borders run in zigzags along nodes.
 SMOOTHING = 0.4
 LARGEST = 1e300  # stands for infinite lengths in divisions
@@ -126,29 +131,34 @@ def _components(
             apart[k] = _distances(surface, surface.indices[edge], half[edge], reach[k])
         apart[k, component == k] = 0.0
     outward = np.minimum(outward, _within_share(nodes.area, inside, apart.min(axis=0)))
-    if attached:
-        areas = np.bincount(component[inside], nodes.area[inside])
-        for k in range(count):
-            away = np.where(component == k, -depth, apart[k])
-            apart[k] = np.where(component == k, apart[k], with_following(nodes, component, away, reach[k], areas[k]))
     deepest = np.array([depth[(component == k) & np.isfinite(depth)].max(initial=0.0) for k in range(count)])
-    shares = _shares(apart, component, int(nodes.of_vertex[counterparts[0].vertex]), outward)
     fields, inward = [], INSIDE * deepest
+    free = unbordered(nodes, component) if attached else inside
     for k in range(count):
         field, deviation = np.where(inside, depth, -apart[k]), SMOOTHING * radii[k]
-        fields.append(_smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)[nodes.follows])
-    shares = shares[:, nodes.follows]
+        field = _smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)
+        if attached:
+            some, extended = following(nodes, free, -field, reach[k], nodes.area[component == k].sum())
+            field[some] = -extended(-field)
+            apart[k, some] = extended(np.where(component == k, -depth, np.where(inside, np.inf, apart[k])))
+        fields.append(field[nodes.follows])
+    shares = _shares(apart, component, int(nodes.of_vertex[counterparts[0].vertex]), outward)[:, nodes.follows]
     # The handle lies inside the part, also after smoothing, and beyond the inner end of the band, so that it arrives.
     here = float(nodes.known_at(fields[0], held).min(initial=np.inf))
     shift = max(LEAST_DEPTH * radii[0] - here, 0.0)
     room = min((here + shift) / max(inward[0], 1e-300), 1.0)
     found = []
     for k, (counterpart, (border, number, radius)) in enumerate(zip(counterparts, borders, strict=True)):
-        direction, ends = np.zeros(3), (float(outward[k]), float(room * inward[k]))
-        if number == 1:
-            direction = unit((nodes.center[component == k].mean(axis=0) - border.mean(axis=0))[None])[0]
+        ends = float(outward[k]), float(room * inward[k])
+        direction = np.zeros(3)
+        if number:
+            middle = nodes.center[component == k].mean(axis=0)
+            direction = unit((middle - border.mean(axis=0))[None])[0]
+            direction *= number == 1 or ((middle - border) @ direction > 0).all()
+        link = min(_thin(nodes, np.where(component == k, depth, -apart[k]), float(inward[k])), ends[1])
         at_vertices = _at_vertices(nodes, fields[k] + shift, shares[k], *ends, contacts[k])
-        found.append(Component(counterpart, border, direction, radius, *ends, room, **at_vertices))
+        thin = link, link / max(inward[k], 1e-300)
+        found.append(Component(counterpart, border, direction, radius, *ends, *thin, **at_vertices))
     return tuple(found)
 
 
@@ -170,6 +180,22 @@ def _border(nodes: Nodes, row: Int64, beside: Int64, cut: Bool) -> tuple[Float64
     large = sizes >= 0.1 * sizes.max()
     edge = float(np.median(np.linalg.norm(np.subtract(*nodes.center[ends.T]), axis=1)))
     return points, int(large.sum()), max(float(np.sqrt(squares[large]).mean()), edge / 2)
+
+
+def _thin(nodes: Nodes, depth: Float64, most: float) -> float:
+    """Return the depth, at most `most`, up to which a component is thin (`WIDER`). `depth` (N,) is negative outside.
+
+    The area between two depths, divided by their difference, is the length of the section.
+    """
+    row, known = np.repeat(np.arange(len(depth)), np.diff(nodes.surface.indptr)), np.isfinite(depth)
+    low, high, beside = depth.copy(), depth.copy(), depth[nodes.surface.indices]
+    np.minimum.at(low, row, np.where(np.isfinite(beside), beside, np.inf))
+    np.maximum.at(high, row, beside)
+    low, high, area = low[known], high[known], nodes.area[known]
+    levels = np.linspace(0, most, SECTIONS + 1)
+    length = np.diff([area @ ((level - low) / np.maximum(high - low, 1e-300)).clip(0, 1) for level in levels])
+    wide = np.flatnonzero(length > WIDER * np.minimum.accumulate(length))
+    return float(levels[wide[0]]) if len(wide) else most
 
 
 def _distances(surface: csr_array, sources: Int64, offset: Float64, limit: float) -> Float64:
