@@ -137,7 +137,7 @@ def _components(
     for k in range(count):
         field, deviation = np.where(inside, depth, -apart[k]), SMOOTHING * radii[k]
         field = _smoothed(surface, field, -reach[k], inward[k] + 3 * deviation, deviation)
-        if attached:
+        if attached and reach[k] > 0:
             some, extended = following(nodes, free, -field, reach[k], nodes.area[component == k].sum())
             field[some] = -extended(-field)
             apart[k, some] = extended(np.where(component == k, -depth, np.where(inside, np.inf, apart[k])))
