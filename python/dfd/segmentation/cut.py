@@ -12,8 +12,12 @@ from dfd.segmentation.patches import TINY
 from dfd.segmentation.seeds import nearest_seed
 from dfd.segmentation.trees import Trees
 
-HANDLES = 128  # number of patches at which a part is found; the first orbits are spread evenly over the surface
-SAME_IOU = 0.5  # two regions are the same part if their intersection over union is at least this
+# HANDLES: number of patches at which a part is found; the first orbits are spread evenly over the surface. With 64, the
+# Rand distance (`bench.quality people`) of 13 shapes is 0.0005 larger.
+HANDLES = 128
+# SAME_IOU: two regions are the same part if their intersection over union is at least this. With 0.3, the Rand distance
+# is 0.006 larger; with 0.7, 0.001.
+SAME_IOU = 0.5
 # LEAST_AREA: smallest area of a part in a cut of the whole shape, as a share of the surface. Without, 13 shapes
 # (`bench.quality people`) have 124 parts in place of 116, with the same Rand distance, and the sample of an animal has
 # two parts of 9 vertices.

@@ -131,7 +131,7 @@ class Patches:
         graph = self._graph_of_places(center)
         links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.place_area, self.place_borders = area, Borders(pairs, length, center, _smoothed(normal, pairs))
+        self.place_area, self.place_borders = area, Borders(pairs, length, center, unit(normal))
         return graph, center, normal
 
     def _find_patches(
@@ -300,16 +300,6 @@ def _surface(
     joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     # Sums depend on the order of the faces by rounding errors, so they are rounded.
     return rounded(areas * GRID) / GRID, rounded(normals * GRID) / GRID, joined, rounded(length)
-
-
-def _smoothed(normal: Float64, pairs: Int64) -> Float64:
-    """Return the unit normals (M, 3) of places, averaged over about the area of a patch."""
-    count = len(normal)
-    ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
-    near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
-    for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
-        normal = near @ normal
-    return unit(normal)
 
 
 def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:

@@ -16,9 +16,13 @@ from dfd.common.linear_algebra import Float64, Int64
 from dfd.symmetry.plane import SymmetryPlane
 
 COUNT = 2_000  # approximate number of patches; the computing time grows with the square of this number
-NEAR = 0.75  # farthest-point sampling ends if all places are within NEAR patch spacings of a seed
+# NEAR: farthest-point sampling ends if all places are within NEAR patch spacings of a seed. On every sixth mesh of
+# `bench.quality people`, level 0 is 0.004 smaller with 0.6, and 0.045 with 0.9.
+NEAR = 0.75
 MOST = 2 * COUNT  # largest number of patches; only meshes of many components have more than COUNT
-UPRIGHT = 0.01  # largest cosine between the normals of planes of symmetry whose reflections commute
+# UPRIGHT: largest cosine between the normals of planes of symmetry whose reflections commute. With 0.1, all parts of
+# these meshes stay the same; with one plane only, level 0 is 0.011 smaller, and sets 0.009.
+UPRIGHT = 0.01
 GRID = 2.0**30  # distances are rounded to multiples of 1 / GRID
 
 
