@@ -33,7 +33,7 @@ CANDIDATE_MARGIN = 0.1
 # levels at the usual place, and of the handle's level at the others, the one with the largest log-odds of
 # `dfd.editing.agreement` is chosen. Of 195 handles on 20 pairs of labelled shapes, 117 are then accepted and right (the
 # IoU with the same label is at least 0.5), and 22 accepted and wrong. Without parts, the numbers are 94 and 13. On six
-# of the pairs, the numbers with one place are 47 and 8, with four 51 and 8.
+# of the pairs, the numbers with one place are 47 and 8, with four 51 and 8 (all with earlier, less strict constants).
 MOST_PLACES, PLACE_MARGIN, SPACING = 4, 0.2, 0.06
 MOST_POSITIONS = 2048  # largest number of transferred vertices of a vertex set; they are evenly spaced in the set
 SAMPLE = 4096  # number of surface samples from which the mean feature of a shape is computed

@@ -85,7 +85,7 @@ def test_a_shape_has_what_each_step_makes(finished, shapes):
         rows = small["rows"].astype(np.float32) @ small["basis"].T + small["mean"]
     assert np.abs(rows - field_of(mesh)(mesh.vertices)).max() < 0.1
     assert np.abs(dfd.load(made / "leg.ply").vertices - mesh.vertices).max() > 0.3
-    assert record.figures["leg_confidence"] == pytest.approx(0.9512, abs=1e-2)
+    assert record.figures["leg_confidence"] == pytest.approx(0.9283, abs=1e-2)
     assert record.timings["inspect"] > 0
 
 

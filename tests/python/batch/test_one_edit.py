@@ -29,7 +29,7 @@ def original(mesh, tmp_path):
 
 def test_another_shape_of_the_class_is_deformed_alike(mesh, other, original):
     found = carry(original, other, field_of(other, seed=3))
-    assert found.confidence == pytest.approx({"leg": 0.9512, "fixed 1": 1.0}, abs=1e-3)
+    assert found.confidence == pytest.approx({"leg": 0.9283, "fixed 1": 1.0}, abs=1e-3)
     here = dfd.Deformer(mesh, original.field)
     here.apply(original.edit)
     np.testing.assert_allclose(found.deformer.vertices, 3 * here.vertices + (5, 0, 0), atol=1e-3)
@@ -61,7 +61,7 @@ def test_an_edit_that_moves_nothing_is_refused(mesh, tmp_path):
 @pytest.mark.parametrize(("settings", "similar"), [({}, 0.45), ({"metric": "none"}, 0.45), ({"metric": "m"}, 0.25)])
 def test_a_handle_whose_features_are_not_similar_is_unsure(other, original, monkeypatch, settings, similar):
     field = field_of(other, seed=3).with_settings(settings)
-    for looks, wanted in ((similar, 0.9512), (similar - 0.09, 0.5 * (similar - 0.09) / similar)):
+    for looks, wanted in ((similar, 0.9283), (similar - 0.09, 0.5 * (similar - 0.09) / similar)):
         sure = dict.fromkeys((handle.id for handle in original.edit.handles), looks)
         there = transfer(original.edit, original.mesh, original.field, other, field_of(other, seed=3)).edit
         found = Transferred(there, sure, (1.0,) * len(original.edit.fixed))
@@ -74,14 +74,14 @@ def test_a_handle_that_moves_another_part_is_unsure(mesh, original):
     """On a shape with the same features, the handle holds more. It looks similar, but its part does not correspond."""
     session = original.session
     (likely,) = agreements(session, session)
-    assert likely == pytest.approx(0.9512, abs=1e-3)
+    assert likely == pytest.approx(0.9283, abs=1e-3)
     wide = dfd.Deformer(mesh, original.field)
     wide.apply(original.edit)
     wide.change(1, reach=2.0, falloff="constant")
     (unlikely,) = agreements(session, wide)
     assert unlikely < 0.5
     share, center = differences(session, wide)[0]
-    assert unlikely == pytest.approx(1 / (1 + np.exp(-(2.97 - 2.76 * share - 18.3 * center))))
+    assert unlikely == pytest.approx(1 / (1 + np.exp(-(2.56 - 3.32 * share - 24.4 * center))))
 
 
 @pytest.mark.parametrize(
