@@ -1,4 +1,4 @@
-uniform highp sampler2D posedPositions; // xyz: position, w: heat
+uniform highp usampler2D posedPositions; // the bits of xyz: position, w: heat
 
 out vec3 restPosition;
 #ifdef ISOLATED
@@ -7,7 +7,8 @@ out float heat;
 flat out uint corner; // the last corner of the triangle, by which `faces.ts` finds the triangle
 
 void main() {
-  vec4 posedPosition = texelFetch(posedPositions, ivec2(gl_VertexID & 4095, gl_VertexID >> 12), 0);
+  ivec2 at = ivec2(gl_VertexID & 4095, gl_VertexID >> 12);
+  vec4 posedPosition = uintBitsToFloat(texelFetch(posedPositions, at, 0));
   restPosition = position;
 #ifdef ISOLATED
   heat = posedPosition.w;

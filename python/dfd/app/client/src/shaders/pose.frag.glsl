@@ -6,8 +6,8 @@ uniform highp sampler2D givenPositions; // the server's pose, per vertex
 uniform highp isampler2D givenNormals;
 #endif
 
-layout(location = 0) out vec4 posedPosition; // xyz: position, w: heat
-layout(location = 1) out vec4 posedNormal;
+layout(location = 0) out uvec4 posedPosition; // the bits of xyz: position, w: heat
+layout(location = 1) out uvec4 posedNormal;
 
 void main() {
   ivec2 row = ivec2(gl_FragCoord.xy);
@@ -15,14 +15,14 @@ void main() {
   Posed result = posed(own.xyz, int(own.w));
 #ifdef GIVEN
   ivec2 at = ivec2(int(own.w) & 4095, int(own.w) >> 12);
-  posedPosition = vec4(texelFetch(givenPositions, at, 0).xyz, result.heat);
-  posedNormal = vec4(vec3(texelFetch(givenNormals, at, 0).xyz) / 32767.0, 0.0);
+  result.position = texelFetch(givenPositions, at, 0).xyz;
+  vec3 normal = vec3(texelFetch(givenNormals, at, 0).xyz) / 32767.0;
 #else
-  posedPosition = vec4(result.position, result.heat);
   vec3 normal = vec3(texelFetch(restNormals, row, 0).xyz) / 32767.0;
 #if defined(TURNED) || defined(DEFAULT)
   normal = transformedNormal(result.linear, normal);
 #endif
-  posedNormal = vec4(normal, 0.0);
 #endif
+  posedPosition = floatBitsToUint(vec4(result.position, result.heat));
+  posedNormal = floatBitsToUint(vec4(normal, 0.0));
 }

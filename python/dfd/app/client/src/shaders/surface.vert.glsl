@@ -1,5 +1,5 @@
-uniform highp sampler2D posedPositions; // xyz: position, w: heat
-uniform highp sampler2D posedNormals;
+uniform highp usampler2D posedPositions; // the bits of xyz: position, w: heat
+uniform highp usampler2D posedNormals;
 #ifdef FEATURES
 in vec4 featureColor;
 #endif
@@ -13,7 +13,7 @@ out float strength;
 
 void main() {
   ivec2 at = ivec2(gl_VertexID & 4095, gl_VertexID >> 12);
-  vec4 posedPosition = texelFetch(posedPositions, at, 0);
+  vec4 posedPosition = uintBitsToFloat(texelFetch(posedPositions, at, 0));
   vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   strength = pow(clamp(-near / view.z, 0.0, 1.0), 1.5);
   gl_Position = projectionMatrix * view;
@@ -33,10 +33,10 @@ out vec3 ownColor;
 
 void main() {
   ivec2 at = ivec2(gl_VertexID & 4095, gl_VertexID >> 12);
-  vec4 posedPosition = texelFetch(posedPositions, at, 0);
+  vec4 posedPosition = uintBitsToFloat(texelFetch(posedPositions, at, 0));
   vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   viewPosition = view.xyz;
-  viewNormal = normalMatrix * texelFetch(posedNormals, at, 0).xyz;
+  viewNormal = normalMatrix * uintBitsToFloat(texelFetch(posedNormals, at, 0).xyz);
 #if defined(HEAT) || defined(ISOLATED)
   heat = posedPosition.w;
 #endif

@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import type { Vec3 } from "../posing/affine";
 import type { Picked } from "../store/state";
-import { define, material } from "./posing/shaders";
+import { define, material, pixels } from "./posing/shaders";
 import type { Shape } from "./shape";
 
 export class Picker {
@@ -87,16 +87,4 @@ export class Picker {
     renderer.setRenderTarget(before);
     return bits;
   }
-}
-
-/** Create a render target of integers, in a format that every implementation of WebGL 2 supports. */
-function pixels(width: number, height: number): THREE.WebGLRenderTarget {
-  return new THREE.WebGLRenderTarget(width, height, {
-    format: THREE.RGBAIntegerFormat,
-    type: THREE.UnsignedIntType,
-    internalFormat: "RGBA32UI",
-    minFilter: THREE.NearestFilter,
-    magFilter: THREE.NearestFilter,
-    generateMipmaps: false,
-  });
 }

@@ -6,7 +6,7 @@ import { FullScreenQuad } from "three/addons/postprocessing/Pass.js";
 import { IDENTITY } from "../../posing/affine";
 import type { Posed } from "../../store/state";
 import { definesOf, WIDTH, type PoseTextures } from "./pose_textures";
-import { define, material } from "./shaders";
+import { define, material, pixels } from "./shaders";
 
 export class PosePass {
   /** The uniforms of shaders that draw the pose: the positions and the heat of all rows, and their unit normals. */
@@ -32,9 +32,7 @@ export class PosePass {
     const data = rest.image.data as Float32Array;
     vertexOf.forEach((vertex, row) => (data[4 * row + 3] = vertex));
     this.set({ rest, restNormals, givenPositions: null, givenNormals: null });
-    const filters = { minFilter: THREE.NearestFilter, magFilter: THREE.NearestFilter } as const;
-    const settings = { count: 2, type: THREE.FloatType, depthBuffer: false, ...filters };
-    this.target = new THREE.WebGLRenderTarget(WIDTH, rest.image.height, settings);
+    this.target = pixels(WIDTH, rest.image.height, 2);
     const [posedPositions, posedNormals] = this.target.textures.map((value) => ({ value }));
     this.uniforms = { posedPositions, posedNormals };
   }
@@ -71,9 +69,9 @@ export class PosePass {
   read(): Float32Array {
     this.update();
     const { width, height } = this.target;
-    const found = new Float32Array(4 * width * height);
-    this.renderer.readRenderTargetPixels(this.target, 0, 0, width, height, found);
-    return found.subarray(0, 4 * this.vertexOf.length);
+    const bits = new Uint32Array(4 * width * height);
+    this.renderer.readRenderTargetPixels(this.target, 0, 0, width, height, bits);
+    return new Float32Array(bits.buffer, 0, 4 * this.vertexOf.length);
   }
 
   dispose(): void {
