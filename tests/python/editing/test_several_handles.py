@@ -54,7 +54,7 @@ def test_a_second_handle_on_a_part_of_another_size_rests(animal):
     session = fresh()
     session.add(FRONT, translation=(0.1, -0.2, 0))
     start = session.vertices
-    handle = session.add(BEHIND)
+    handle = session.add(BEHIND, level=-1)
     assert session.handle(handle).transform.rests
     np.testing.assert_array_equal(session.vertices, start)
 
