@@ -9,7 +9,7 @@ from dfd.segmentation.patches import Patches
 from dfd.segmentation.trees import CREASE
 
 # If borders of parts stay where patches end, level 0 is 0.0006 smaller on every sixth mesh of `bench.quality people`,
-# the best within one level is 0.003 smaller, and folds of four rigs (`bench.quality borders`) are 90.7° (90.4°).
+# the best within one level is 0.003 smaller, and the mean fold at borders of four rigs is 90.7° (90.4°).
 COST = 2**26  # integer cost of a border of length 1 without a crease; a cut of length 31 fits into 32 bits
 
 

@@ -8,8 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.alike import Alike
 from dfd.segmentation.choose import candidates, ladder
-from dfd.segmentation.patches import TINY
-from dfd.segmentation.seeds import nearest_seed
+from dfd.segmentation.patches import ACROSS, TINY
 from dfd.segmentation.trees import Trees
 
 # HANDLES: number of patches at which a part is found; the first orbits are spread evenly over the surface. With 64, the
@@ -81,15 +80,13 @@ def _labels(trees: Trees, ladders: Ladders, level: int) -> Int64:
 
 
 def _nearest(trees: Trees, handles: Int64, of_handle: Int64, groups: list[list[Bool]]) -> Int64:
-    """Return the part of each patch, (P,): that of the nearest handle whose part contains the patch.
-
-    Patches that no part contains belong to the part of the nearest patch.
+    """Return the part of each patch, (P,): that of the nearest handle whose part contains the patch, if there is one.
 
     A handle also stands for its mirror images, and for every patch of the counterparts that no handle of another part
     lies on.
     """
     count = len(trees.patches.area)
-    label, best = np.full(count, -1), np.full(count, np.inf)
+    label, best = np.zeros(count, np.int64), np.full(count, np.inf)
     taken = np.isin(trees.patches.orbit, trees.patches.orbit[handles])
     for number, group in enumerate(groups):
         own = trees.patches.orbit[handles[of_handle == number]]
@@ -98,10 +95,10 @@ def _nearest(trees: Trees, handles: Int64, of_handle: Int64, groups: list[list[B
             if not (component & taken).any() or (component & starts).any():
                 starts |= component & ~taken
         apart = dijkstra(trees.links, indices=np.flatnonzero(starts), min_only=True)
-        nearer = (apart < best) & np.any(group, axis=0)
+        apart[~np.any(group, axis=0)] += ACROSS
+        nearer = apart < best
         label[nearer], best[nearer] = number, apart[nearer]
-    known = np.flatnonzero(label >= 0)
-    return label[known][nearest_seed(trees.links, known, trees.patches.center)]
+    return label
 
 
 def _overlap(trees: Trees, one: Bool, other: Bool) -> bool:

@@ -20,22 +20,31 @@ from dfd.geometry.body import Body, body_of
 from dfd.geometry.coarse import RUN, Nodes, nodes_of
 from dfd.geometry.topology import scene_parts_and_materials, vertex_areas
 from dfd.mesh.mesh import Mesh
-from dfd.segmentation.seeds import COUNT, GRID, MOST, NEAR, divided, mirror_images, rounded
+from dfd.segmentation.seeds import (
+    COUNT,
+    GRID,
+    MOST,
+    NEAR,
+    mirrors_of,
+    nearest_seed,
+    orbits,
+    orbits_of_patches,
+    rounded,
+    symmetric,
+)
 from dfd.symmetry.plane import SymmetryPlane
 
 # Numbers are the IoU at level 0 and the best within one level, on 7 meshes by `python -m bench.quality.constants
 # segmentation FOLDER --every 12`. As it is, they are 0.701 and 0.820, with a noise of about 0.02.
 # NORMAL_WEIGHT: weight of normals in distances between seeds, so that both sides of a thin sheet get seeds. With 0.3:
-# 0.698, 0.804; with 1.2: 0.683, 0.826. Without, sets (`bench.quality alike`) of every third mesh are 0.016 smaller, and
-# of what follows, 0.82 is right in place of 0.89.
+# 0.698, 0.804; with 1.2: 0.683, 0.826.
 NORMAL_WEIGHT = 0.6
 # SAMPLES: largest number of vertices per patch over which features are averaged. With 4: 0.730, 0.817; with 16: 0.701,
-# 0.820. With 1, sets are 0.009 smaller, and 0.86 is right.
+# 0.820.
 SAMPLES = 8
-# BRIDGE: concavity of borders across small gaps between components of the mesh, that of a clear crease. No labelled
-# mesh has such gaps.
-BRIDGE = 0.3
+BRIDGE = 0.3  # concavity of borders across small gaps between components of the mesh, that of a clear crease
 TINY = 1e-9  # replaces lengths, areas and distances of 0, such as the length of a border across a small gap
+ACROSS = 1e3  # added to distances between two things of the file, so that a patch belongs to one; more than any path
 
 
 class Borders:
@@ -131,7 +140,7 @@ class Patches:
         graph = self._graph_of_places(center)
         links = _links(graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.place_area, self.place_borders = area, Borders(pairs, length, center, unit(normal))
+        self.place_area, self.place_borders = area, Borders(pairs, length, center, _smoothed(normal, pairs))
         return graph, center, normal
 
     def _find_patches(
@@ -142,15 +151,17 @@ class Patches:
         `things` (M, K) are the things of the file to which each place belongs.
         """
         tree, area, borders = cKDTree(center), self.place_area, self.place_borders
-        mirrors = mirror_images(planes, self._middle, self.size, tree)
+        mirrors = mirrors_of(planes, self._middle, self.size, tree, area)
         places = np.column_stack([center, NORMAL_WEIGHT * NEAR * self.spacing * unit(normal)])
-        stands_for, seed, side = divided(places, _divided(graph, things), mirrors)
-        self.of_place, first, owned = _pieces(seed << len(mirrors) | side, things, area)
+        seeds, orbit = orbits(places, tree, self.spacing, mirrors)
+        nearest = nearest_seed(_divided(graph, things), seeds, center)
+        of_seed = symmetric(nearest, tree, center[seeds], mirrors)
+        self.of_place, seed_of_patch, owned = _pieces(of_seed, things, area)
         self.things, count, weight = owned.T, len(owned), np.maximum(area, TINY)
-        self.orbit = _orbits(np.column_stack([seed, things[stands_for]])[first])
         self.area = np.asarray(np.bincount(self.of_place, weight, count), np.float64)
         own = self.area[:, None]
         self.center = group_sums(self.of_place, center * weight[:, None], count) / own
+        self.orbit = orbits_of_patches(orbit, seed_of_patch, self.center, self.spacing, mirrors)
         # Around a thin limb, the mean normal is near 0, and its direction is noise. So it is not scaled to unit length.
         mean_normal = group_sums(self.of_place, normal, count) / own
         joined, length = _contracted(self.of_place, borders.pairs, borders.length, count)
@@ -223,22 +234,20 @@ def _things_of_places(mesh: Mesh, nodes: Nodes, place: Int64, node_of_place: Int
 
 
 def _divided(graph: csr_array, things: Int64) -> csr_array:
-    """Return the distances `graph` (M, M) without those between places of different `things` (M, K)."""
+    """Return the distances `graph` (M, M) with `ACROSS` added between places of different `things` (M, K)."""
     row = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
-    same = (things[row] == things[graph.indices]).all(axis=1)
-    return csr_array((graph.data[same], (row[same], graph.indices[same])), shape=graph.shape)
+    apart = (things[row] != things[graph.indices]).any(axis=1)
+    return csr_array((graph.data + ACROSS * apart, graph.indices, graph.indptr), shape=graph.shape)
 
 
 def _pieces(of_seed: Int64, things: Int64, area: Float64) -> tuple[Int64, Int64, Int64]:
     """Divide the places of each seed by `things` (M, K), so that a thing without a seed has a patch of its own.
 
-    Return the patch (M,) of each place, a place (P,) and the things (P, K) of each patch. If there are more than `MOST`
-    patches, the smallest join their seed's largest.
+    Return the patch (M,) of each place, the seed (P,) of each patch, or −1 if it is not the largest patch of its seed,
+    and the things (P, K) of each patch. If there are more than `MOST` patches, the smallest join their seed's largest.
     """
-    rows, first, of_place = np.unique(
-        np.column_stack([of_seed, things]), axis=0, return_index=True, return_inverse=True
-    )
-    size = np.bincount(of_place.ravel(), area)
+    rows, of_place = np.unique(np.column_stack([of_seed, things]), axis=0, return_inverse=True)
+    size = np.bincount(of_place, area)
     order = np.lexsort([-size, rows[:, 0]])
     largest = order[np.unique(rows[order, 0], return_index=True)[1]]
     others = np.setdiff1d(order, largest)
@@ -246,17 +255,8 @@ def _pieces(of_seed: Int64, things: Int64, area: Float64) -> tuple[Int64, Int64,
     kept = np.concatenate([largest, others])
     number = np.searchsorted(rows[largest, 0], rows[:, 0])
     number[others] = np.arange(len(largest), len(kept))
-    return number[of_place.ravel()], first[kept], rows[kept, 1:]
-
-
-def _orbits(keys: Int64) -> Int64:
-    """Return the orbit (P,) of each patch: patches with equal `keys` (P, 1 + K), the seed and the things, share one.
-
-    The orbits are numbered so that the first ones have different seeds.
-    """
-    rows, orbit = np.unique(keys, axis=0, return_inverse=True)
-    of_seed = np.arange(len(rows)) - np.searchsorted(rows[:, 0], rows[:, 0])
-    return np.argsort(np.lexsort([rows[:, 0], of_seed]))[orbit.ravel()]
+    seed = np.concatenate([rows[largest, 0], np.full(len(others), -1)])
+    return number[of_place.ravel()], seed, rows[kept, 1:]
 
 
 def _area_and_middle(mesh: Mesh, body: Body) -> tuple[float, Float64]:
@@ -300,6 +300,16 @@ def _surface(
     joined, length = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
     # Sums depend on the order of the faces by rounding errors, so they are rounded.
     return rounded(areas * GRID) / GRID, rounded(normals * GRID) / GRID, joined, rounded(length)
+
+
+def _smoothed(normal: Float64, pairs: Int64) -> Float64:
+    """Return the unit normals (M, 3) of places, averaged over about the area of a patch."""
+    count = len(normal)
+    ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
+    near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
+    for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
+        normal = near @ normal
+    return unit(normal)
 
 
 def _contracted(group: Int64, pairs: Int64, length: Float64, count: int) -> tuple[Int64, Float64]:

@@ -1,15 +1,13 @@
 """Test how places are divided into patches."""
 
 import numpy as np
-import pytest
 import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 import dfd
-from dfd.segmentation.patches import Patches, _orbits, _pieces
-from dfd.segmentation.seeds import COUNT, NEAR, divided, mirror_images, nearest_seed
-from dfd.symmetry.plane import SymmetryPlane
+from dfd.segmentation.patches import Patches, _pieces
+from dfd.segmentation.seeds import Mirror, nearest_seed, orbits_of_patches, symmetric
 
 
 def test_a_place_belongs_to_the_seed_that_is_nearest_along_the_surface():
@@ -25,40 +23,37 @@ def test_things_without_seeds_get_patches_of_their_own_until_there_are_too_many(
     of_seed = np.array([0, 0, 0, 1, 1, 1, 1])
     things = np.array([[5], [5], [7], [5], [6], [6], [8]])
     area = np.array([1.0, 1, 3, 1, 2, 2, 1])
-    patch, first, owned = _pieces(of_seed, things, area)
-    assert first.tolist() == [2, 4, 0, 3, 6]
-    assert owned[:, 0].tolist() == [7, 6, 5, 5, 8]  # the largest patch of a seed comes first
+    patch, seed, owned = _pieces(of_seed, things, area)
+    assert seed.tolist() == [0, 1, -1, -1, -1]
+    assert owned[:, 0].tolist() == [7, 6, 5, 5, 8]  # the largest patch of a seed keeps it
     assert patch.tolist() == [2, 2, 0, 3, 1, 1, 4]
     monkeypatch.setattr("dfd.segmentation.patches.MOST", 3)
-    patch, first, owned = _pieces(of_seed, things, area)
-    assert first.tolist() == [2, 4, 0]
+    patch, seed, owned = _pieces(of_seed, things, area)
+    assert seed.tolist() == [0, 1, -1]
     assert patch.tolist() == [2, 2, 0, 1, 1, 1, 1]
 
 
-def test_patches_with_one_seed_and_mirrored_things_are_an_orbit_and_the_first_orbits_have_different_seeds():
-    assert _orbits(np.array([(0, 5), (0, 6), (2, 5), (0, 5), (1, 6)])).tolist() == [0, 3, 2, 0, 1]
+def test_mirror_images_without_seeds_have_an_orbit_of_their_own():
+    """The patches 3 and 4 are mirror images in the plane x = 0, and patch 5 has none."""
+    center = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (2, 1, 0), (-2.01, 1, 0), (3, 1, 0)], float)
+    mirrors = [Mirror(np.array([1.0, 0, 0]), 0.0)]
+    found = orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.1, mirrors)
+    assert found.tolist() == [0, 0, 1, 2, 2, 3]
+    found = orbits_of_patches(np.array([0, 0, 1]), np.array([0, 1, 2, -1, -1, -1]), center, 0.02, mirrors)
+    assert found.tolist() == [0, 0, 1, 2, 3, 4]
 
 
-@pytest.mark.parametrize(("step", "crosses"), [(1.5, False), (0.6, True)])
-def test_each_place_stands_for_its_mirror_image_above_the_plane(step, crosses):
-    """Places along a line are mirror images in the plane x = 0, except those at x = 4 and x = −6. Neighbors are linked.
-
-    The surface of the seed in the plane lies on both sides of it.
-    """
-    x = np.array([0.0, 0.9, 2, 4, -0.9, -2, -6])
-    center = np.stack([x, 0 * x, 0 * x], axis=1) * step * NEAR * COUNT**-0.5
-    order = np.argsort(x)
-    graph = csr_array((np.diff(center[order, 0]), (order[:-1], order[1:])), shape=(7, 7))
-    # Reflections in the second plane do not commute with those in the first one.
-    planes = [SymmetryPlane((1.0, 0.0, 0.0), 0.0), SymmetryPlane((0.8, 0.6, 0.0), 0.0)]
-    ((height, image),) = mirrors = mirror_images(planes, np.zeros(3), 1.0, cKDTree(center))
-    assert height.tolist() == center[:, 0].tolist()
-    assert image.tolist() == [0, 4, 5, -1, 1, 2, -1]
-    stands_for, seed, side = divided(np.hstack([center, 0 * center]), graph + graph.T, mirrors)
-    assert stands_for.tolist() == [0, 1, 2, 3, 1, 2, 6]
-    assert seed[4:6].tolist() == seed[1:3].tolist()
-    assert (seed[1] == seed[0]) == crosses
-    assert side.tolist() == [0, 0, 0, 0, int(not crosses), 1, 0]
+def test_places_that_are_mirror_images_belong_to_seeds_that_are_mirror_images():
+    """The places 0 and 1, and 2 and 3, are mirror images in the plane x = 0. Place 4 is the image of none."""
+    center = np.array([(1, 0, 0), (-1, 0, 0), (2, 0, 0), (-2, 0, 0), (-3, 0.5, 0), (0, 0, 0)], float)
+    mirror, seeds = Mirror(np.array([1.0, 0, 0]), 0.0), center[[2, 3, 5]]
+    found = symmetric(np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds, [mirror])
+    assert found.tolist() == [0, 1, 0, 1, 1, 2]
+    # Without an exact mirror image of its seed, a place keeps its patch.
+    found = symmetric(
+        np.array([0, 2, 0, 1, 1, 2]), cKDTree(center), seeds + [(0.1, 0, 0), (0, 0, 0), (0, 0, 0)], [mirror]
+    )
+    assert found.tolist() == [0, 2, 0, 1, 1, 2]
 
 
 def test_components_objects_and_materials_are_the_kinds_of_things(tmp_path):
