@@ -12,7 +12,7 @@ import dfd
 from dfd.export.key_poses import MOST_STEPS, STEP, Step, between, with_steps
 from dfd.posing.transforms import Transform
 
-MOMENTS = Path(dfd.__file__).parent / "app/client/tests/unit/moments.json"  # a test of the page reads it too
+MOMENTS = Path(__file__).parents[3] / "python/dfd/app/client/tests/unit/moments.json"  # a test of the page reads it
 
 
 def test_poses_between_are_those_of_the_timeline():
