@@ -55,5 +55,9 @@ def test_a_fit_says_what_marks_do_not_determine_and_moves_no_other_handle(page: 
     moved = {handle["handle"]: handle["translation"] for handle in state["handles"]}
     assert moved[other] == [0, 0.1, 0]
     assert moved[held] != [0, 0, 0]
+    page.ask("set_marks", marks=[mark, {"vertex": 6, "target": None}], fit=False)
+    placed = page.last("state")
+    assert (len(placed["marks"]), placed["fitted"]) == (2, state["fitted"]), "a further mark moves no handle"
+    page.ask("go", by=-1)
     page.ask("go", by=-1)
     assert page.last("state")["fitted"] is None
