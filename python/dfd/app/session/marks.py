@@ -22,10 +22,10 @@ class MarkedEdit(Edit):
     marks: tuple[messages.Mark, ...] = ()
 
 
-def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool) -> tuple[Edit, str | None]:
+def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool) -> str | None:
     """Replace the marks; if `fits`, fit the handles that move a mark. A mark without a target gets its present place.
 
-    Return the new edit, and what the fit warned of.
+    Return what the fit warned of.
 
     Raises ValueError if the mesh lacks a vertex, or no handle moves a mark.
     """
@@ -46,7 +46,7 @@ def replace_marks(deformer: Deformer, given: Sequence[messages.Mark], fits: bool
             deformer.fit(targets, handles=handles or None)
         said = ". ".join(str(each).partition(": ")[2] for each in warnings).replace("`targets`", "The marks") or None
     deformer.apply(MarkedEdit(**{**vars(deformer.edit), "marks": marks}))
-    return deformer.edit, said
+    return said
 
 
 def marks_in(edit: Edit) -> tuple[messages.Mark, ...]:

@@ -277,9 +277,9 @@ def set_marks(session: Session, marks: messages.Marks, fit: bool = True, merge: 
     editing = session.require()
 
     def work(deformer: Deformer) -> None:
-        before, (newest, said) = deformer.edit, editing.fitted
-        edit, warned = replace_marks(deformer, marks, fit)
-        editing.fitted = edit, said if not fit and newest is before else warned
+        before = editing.fit_warning
+        warning = replace_marks(deformer, marks, fit)
+        editing.fitted = deformer.edit, warning if fit else before
 
     session.change(work, "marks", merge=merge)
 

@@ -50,6 +50,12 @@ class Editing:
         self._bands: list[Band] = []  # the blend bands of the columns that the page has
         self._edit: Edit | None = None  # the edit for which the bands were compared last
 
+    @property
+    def fit_warning(self) -> str | None:
+        """Return what the newest fit warned of; None if the edit has changed since."""
+        edit, warning = self.fitted
+        return warning if edit is self.deformer.edit else None
+
     def exact_probe(self) -> tuple[int, int, Float32] | None:
         """Return the vertex and level of the latest probe, and the weights (V,) that a new handle there has at rest.
 
@@ -149,7 +155,7 @@ class Editing:
                 for pose in deformer.edit.poses
             ),
             marks=marks_of(deformer),
-            fitted=self.fitted[1] if self.fitted[0] is deformer.edit else None,
+            fitted=self.fit_warning,
             steps=steps,
             step=self.history.done,
             **{**common, "preset": deformer.preset},

@@ -153,12 +153,13 @@ def _components(
         direction = np.zeros(3)
         if number:
             middle = nodes.center[component == k].mean(axis=0)
-            direction = unit((middle - border.mean(axis=0))[None])[0]
-            direction *= number == 1 or ((middle - border) @ direction > 0).all()
+            inwards = unit((middle - border.mean(axis=0))[None])[0]
+            if number == 1 or ((middle - border) @ inwards > 0).all():
+                direction = inwards
         link = min(_thin(nodes, np.where(component == k, depth, -apart[k]), float(inward[k])), ends[1])
         at_vertices = _at_vertices(nodes, fields[k] + shift, shares[k], *ends, contacts[k])
-        thin = link, link / max(inward[k], 1e-300)
-        found.append(Component(counterpart, border, direction, radius, *ends, *thin, **at_vertices))
+        reached = link / max(inward[k], 1e-300)
+        found.append(Component(counterpart, border, direction, radius, *ends, link, reached, **at_vertices))
     return tuple(found)
 
 
